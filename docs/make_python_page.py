@@ -19,6 +19,7 @@ PARTS = {
     "Decks": [mpm.Deck, mpm.Diagnostic],
     "Runs": [mpm.Run, mpm.Step, mpm.Tool, mpm.ToolPart, mpm.BodyPair, mpm.Contacts, mpm.Points, mpm.Table],
     "Results": [mpm.Result, mpm.Frame, mpm.read],
+    "Meshes": [mpm.convert],
     "Laws": [mpm.Law, mpm.BuiltInLaw, mpm.testing.check_material, mpm.testing.Finding],
     "Studies": [mpm.sweep, mpm.Study, mpm.Member, mpm.converge, mpm.Convergence, mpm.GridRun],
     "Errors": [mpm.MpmError, mpm.DeckError, mpm.SolveError, mpm.ResultsError, mpm.UsageError],

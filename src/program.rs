@@ -21,7 +21,7 @@ use clap::Parser;
 pub use heap::Heap;
 
 use cli::{Cli, Command};
-use commands::{converge, element, explain, manual, new, plan, report, run, status, sweep};
+use commands::{converge, element, explain, manual, new, picture, plan, report, run, status, sweep};
 use exit::USAGE;
 use screen::failure::as_error;
 use screen::message;
@@ -51,6 +51,7 @@ fn run_command(arguments: &[OsString], began: Instant) -> anyhow::Result<u8> {
         Command::Sweep(args) => sweep::sweep(args),
         Command::Converge(args) => converge::converge(args),
         Command::Report(args) => report::report(args),
+        Command::Picture(args) => picture::picture(&args),
         Command::Element(args) => element::element(args),
         Command::Explain { code } => explain::explain(code.as_deref()),
         Command::Schema => print_json(&deck_schema()),

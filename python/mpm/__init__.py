@@ -9,6 +9,7 @@
 
 from mpm import testing
 from mpm._converge import Convergence, GridRun, converge
+from mpm._convert import convert
 from mpm._deck import Deck
 from mpm._errors import DeckError, Diagnostic, MpmError, ResultsError, SolveError, UsageError
 from mpm._laws import BuiltInLaw, Law
@@ -43,6 +44,7 @@ __all__ = [
     "UsageError",
     "__version__",
     "converge",
+    "convert",
     "read",
     "sweep",
     "testing",

@@ -647,6 +647,76 @@ class Result:
         """The files of the points, one for each time at which they were written; empty if there are none."""
         return [] if self.directory is None else _frames(self.directory)
 
+    def plot(
+        self,
+        field: str | None = None,
+        *,
+        step: int | str = "last",
+        warp: bool | float = False,
+        out: StrPath | None = None,
+    ) -> Path | None:
+        """Draws the bodies, coloured by a field, with tools and surfaces, like ``mpm picture``. Needs PyVista.
+
+        Without ``out``, the picture opens in a window or in the notebook; where there is neither, it is written to
+        ``picture.png`` in the directory of the results.
+
+        Args:
+            field: Name of a field, or of a component, such as ``"cauchy_stress:YY"``; of a vector or tensor without a
+                component, the norm. By default the von Mises stress.
+            step: Number of a step whose points were written, ``"first"`` or ``"last"``.
+            warp: Whether to exaggerate displacements so that they are visible, or the factor.
+            out: File to write, ``.png``.
+
+        Returns:
+            The file, or ``None`` if a window or notebook shows the picture.
+
+        Raises:
+            ResultsError: The run has written no files.
+            UsageError: PyVista is not installed, or there is no such field or step.
+
+        Example:
+            >>> deck = mpm.Deck.load("inputs/footing.yaml", h=0.5, every=10)
+            >>> result = deck.run("results/footing", progress=False)
+            >>> result.plot("displacement:Y", out="results/footing/settlement.png").name
+            'settlement.png'
+        """
+        from mpm import _picture
+
+        if out is None and not _picture.is_notebook() and not _picture.has_display():
+            out = self._written() / "picture.png"
+            print(f"there is no display; the picture is {out}")
+        drawn = _picture.draw(self._written(), field=field, step=step, warp=warp, out=out)
+        if isinstance(drawn, Path):
+            return drawn
+        drawn.show()
+        return None
+
+    def animate(
+        self, field: str | None = None, *, warp: bool | float = False, out: StrPath | None = None
+    ) -> Path:
+        """Makes a film of all steps whose points were written, with one scale. Needs PyVista and imageio.
+
+        Args:
+            field: As for :meth:`plot`.
+            warp: As for :meth:`plot`.
+            out: File to write, ``.gif`` or ``.mp4``; by default ``picture.gif`` in the directory of the results.
+
+        Returns:
+            The file.
+
+        Raises:
+            ResultsError: The run has written no files.
+            UsageError: A package is not installed, or there is no such field.
+        """
+        from mpm import _picture
+
+        return cast(Path, _picture.draw(self._written(), field=field, step="all", warp=warp, out=out))
+
+    def _written(self) -> Path:
+        if self.directory is None:
+            raise ResultsError("the run has written no files to draw; give `run` a directory")
+        return self.directory
+
 
 def _restored(
     tables: tuple[Table, Table, Table], summary: dict[str, Any], directory: Path | None

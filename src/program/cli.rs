@@ -6,7 +6,7 @@ use clap_complete::Shell;
 use std::sync::OnceLock;
 
 use crate::program::commands::arguments::DeckArgs;
-use crate::program::commands::{converge, element, new, report, run, status, sweep};
+use crate::program::commands::{converge, element, new, picture, report, run, status, sweep};
 use crate::program::machines::features;
 
 /// Implicit, quasi-static, finite-deformation material point method.
@@ -27,7 +27,9 @@ pub const FIRST_RUN: &str = "\
 First run:
   mpm new beam         writes beam.yaml, a commented deck
   mpm run beam.yaml    writes the results to results/beam
-Then open results/beam/domains.pvd in ParaView. `mpm new` lists more example decks.
+  mpm report           writes results/beam/report.html, with pictures and curves
+  mpm picture          draws results/beam/picture.png (with the Python package)
+`mpm new` lists more example decks; ParaView opens results/beam/domains.pvd.
 
 Exit codes: 0 done, 1 the analysis failed, 2 the deck or command line is wrong, 130 interrupted.";
 
@@ -58,13 +60,18 @@ pub enum Command {
     Converge(converge::ConvergeArgs),
     /// Write a report on the results of a run, or a comparison of several runs, as a single HTML page.
     Report(report::ReportArgs),
+    /// Draw the results of a run: the bodies coloured by a field, with tools and surfaces. Needs the Python package.
+    ///
+    /// For example: mpm picture results/pipe --field displacement --step last --out pipe.png
+    #[command(disable_help_flag = true)]
+    Picture(picture::PictureArgs),
     /// Drive one material point along a strain or stress path, as in a laboratory test.
     ///
     /// For example: mpm element clay.yaml --material clay --path triaxial-drained --confining 100e3 --to 0.2
     Element(element::ElementArgs),
-    /// Explain a message by its code, such as D014, or list all codes.
+    /// Explain a message by its code, such as D014, or an example, such as pipe, or list all codes.
     Explain {
-        /// The code; if it is omitted, all codes are listed.
+        /// The code, or the name that an example refers to; if it is omitted, all codes are listed.
         code: Option<String>,
     },
     /// Print the JSON schema of decks.

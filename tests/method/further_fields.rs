@@ -108,6 +108,7 @@ fn account() -> Account {
         deck_file: String::new(),
         deck_text: String::new(),
         parameters: BTreeMap::new(),
+        units: None,
         messages: Vec::new(),
         set_up: Timings::default(),
         threads: 1,

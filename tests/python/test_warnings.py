@@ -350,8 +350,8 @@ def test_a_motion_without_strain_gives_no_warning_about_work(analyse):
 def test_the_table_at_the_end_tells_the_bounds(mpm, tmp_path):
     process = mpm("run", "inputs/compaction.yaml", "--out", tmp_path, "--set", "every=0")
     table = " ".join(process.stdout.split())
-    for text in ("of the external work (warning above 10 %)", "of a domain outside the grid (warning above 1 %)",
-                 "(warning above 30°)", "(warning above 1e-3)", "; warning for energy above 10 % from step 5 on"):
+    for text in ("of the external work (limit 10 %)", "of a domain outside the grid (limit 1 %)",
+                 "(limit 30°)", "(limit 1e-3)", "(limit of the energy 10 % from step 5 on)"):
         assert text in table, text
 
 

@@ -304,32 +304,30 @@ impl fmt::Display for Quality {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut parts = Vec::new();
         if let Some(loss) = self.partition_of_unity_loss {
-            parts.push(format!("loss of partition of unity {:.1e} (warning above {MAX_LOSS:e})", loss.value));
+            parts.push(format!("loss of partition of unity {:.1e} (limit {MAX_LOSS:e})", loss.value));
         }
         if let Some(outside) = self.domain_outside_grid {
             let [value, most] = [outside.value, MAX_OUTSIDE].map(|share| 100.0 * share);
-            parts.push(format!("{value:.2} % of a domain outside the grid (warning above {most} %)"));
+            parts.push(format!("{value:.2} % of a domain outside the grid (limit {most} %)"));
         }
         if let Some(overlap) = self.domain_overlap {
             parts.push(format!("overlap of domains {:.2} %", 100.0 * overlap));
         }
         if let Some(turned) = self.box_rotation {
-            parts.push(format!(
-                "boxes turned by {:.0}° on average (warning above {MAX_BOX_ROTATION}°)",
-                turned.value
-            ));
+            parts
+                .push(format!("boxes turned by {:.0}° on average (limit {MAX_BOX_ROTATION}°)", turned.value));
         }
         let crossings = (0..self.crossed.len()).filter_map(|body| self.mean_crossings(body)).reduce(f64::max);
         if let Some(crossings) = crossings {
             parts.push(format!(
-                "points crossed {crossings:.2} cell boundaries on average (warning above {MAX_CROSSINGS}, if the \
+                "points crossed {crossings:.2} cell boundaries on average (limit {MAX_CROSSINGS}, if the \
                  regridding work is also above {} %)",
                 100.0 * HARMFUL_REGRIDDING
             ));
         }
         if let Some((oscillation, _)) = self.pressure_oscillation {
             parts.push(format!(
-                "pressures in a cell differ by {oscillation:.2} × deviatoric stress (warning above {MAX_OSCILLATION}, or \
+                "pressures in a cell differ by {oscillation:.2} × deviatoric stress (limit {MAX_OSCILLATION}, or \
                  {MAX_DILATING_OSCILLATION} where flow dilates)"
             ));
         }

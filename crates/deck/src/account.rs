@@ -27,6 +27,7 @@ impl LoadedDeck {
             law_libraries: self.law_libraries(),
             deck: Some(serde_json::to_value(&self.deck)?),
             parameters: values.collect(),
+            units: self.deck.units(),
             messages: self.notes.iter().map(in_files).collect(),
             set_up,
             threads,

@@ -9,7 +9,7 @@ use super::formulas::Displacement;
 use super::gates::Checks;
 use super::per_axis::array;
 use super::quoting::quote;
-use super::{AXES, BoxDeck, Expression, LoadCurve, Vector};
+use super::{AXES, BoxDeck, Expression, GroupDeck, LoadCurve, Vector};
 
 /// A named set of prescribed displacements of nodes or of a surface; its reaction is reported under its name. If
 /// several conditions prescribe the displacement of a node along the same axis, those that fix the node share the
@@ -349,7 +349,7 @@ pub struct NodeSelector {
     pub within: Option<BoxDeck>,
     /// Name of a physical group of a gmsh grid.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub group: Option<String>,
+    pub group: Option<GroupDeck>,
     /// Name of a body: selects all nodes of the grid cells that contain a point of its outer layer or, if the point has
     /// a domain, overlap that domain. The layer is determined at the start; the nodes are selected anew at each load
     /// step.

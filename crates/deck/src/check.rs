@@ -39,6 +39,7 @@ use super::{BodyDeck, CellStrain, Deck, Method, OutputDeck};
 /// parameters; use [`Source::without_text`] for a deck that was not read from a file.
 pub fn validate(deck: &Deck, source: &Source) -> Vec<Diagnostic> {
     let mut check = Check { deck, source, found: Vec::new() };
+    check.unit_names();
     let grid = check.grid();
     check.bodies(grid.as_ref());
     check.materials();

@@ -177,6 +177,7 @@ pub const CODES: &[(&str, &str)] = &[
     ("D074", "a surface that no sides of domains form"),
     ("D075", "a footing across few cells"),
     ("D076", "contact between bodies that cannot be formed"),
+    ("D090", "units that make no set"),
 ];
 
 impl Diagnostic {

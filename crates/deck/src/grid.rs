@@ -37,7 +37,7 @@ pub enum GridDeck {
         #[serde(skip)]
         unrefined: Option<Unrefined>,
     },
-    /// Triangles and quadrilaterals (tetrahedra and hexahedra in space) from a mesh file of gmsh, format 2.2 or 4.1,
+    /// Triangles and quadrilaterals (tetrahedra and hexahedra in space) from a mesh file of gmsh, format 2.0 to 4.1,
     /// text or binary.
     Gmsh {
         /// Path of the mesh file, relative to the deck.

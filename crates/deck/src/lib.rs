@@ -48,13 +48,14 @@ use mpm_files::vtu::Precision;
 pub use read::{changes, load, references, schema, source};
 pub(crate) use read::{hash, parameters, shape, span, yaml};
 pub use refined_place::{AlongAxes, RefineDeck, RefinedAt};
-pub use region::{Direction, Shape};
+pub use region::{Direction, GroupDeck, GroupOfDimension, Shape};
 pub use stages::{AddDeck, PlacedDeck, Reset, StageDeck, ThenDeck};
 pub use steps::{ControlDeck, StepsDeck, Until};
 pub use surfaces::{HalfSpaceDeck, PartDeck, SurfaceDeck};
 pub use tools::{
     ContactDeck, FreeDeck, FrictionDeck, RotationDeck, ToolDeck, ToolLoadDeck, ToolPartDeck, ToolShape, Turn,
 };
+pub use units::UnitsDeck;
 
 mod account;
 pub mod advice;
@@ -82,6 +83,7 @@ mod stages;
 mod steps;
 mod surfaces;
 mod tools;
+mod units;
 
 /// A vector as the schema describes it: two entries in the plane, three in space.
 #[derive(JsonSchema)]
@@ -127,6 +129,9 @@ pub struct Deck {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = ["Elastic cantilever"]))]
     pub title: Option<String>,
+    /// The units of all numbers, one consistent set; without them, results are labelled by kinds of quantities.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub units: Option<UnitsDeck>,
     /// Named numbers or words, inserted as `${name}` or `${h/2}` anywhere in the deck; `--set name=value` overrides
     /// them.
     #[serde(default)]
@@ -492,8 +497,9 @@ pub struct OutputDeck {
     /// files.
     #[schemars(range(max = 10_000_000))]
     pub every: u32,
-    /// Fields of the points in VTU files; all but `pressure_smoothed` by default. Every file also contains the volume
-    /// of each point and the numbers of the point, its body and its material.
+    /// Fields of the points in VTU files; all but `pressure_smoothed`, `principal_stress` and `maximum_shear_stress` by
+    /// default. Every file also contains the volume of each point and the numbers of the point, its body and its
+    /// material.
     pub fields: Vec<PointField>,
     /// Precision of floating-point numbers in VTU files; files of a failed step always have `double`.
     pub precision: Precision,

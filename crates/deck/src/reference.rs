@@ -22,6 +22,7 @@ text such as `gamma*y`. Expressions and formulas may contain `+ - * / ^`, the co
 
 /// Title of each section and its definition in the schema, in the order of the document; the deck itself comes first.
 const SECTIONS: &[(&str, &str)] = &[
+    ("`units`", "UnitsDeck"),
     ("`analysis`", "Analysis"),
     ("`stabilisation` of an analysis", "Stabilisation"),
     ("`grid`", "GridDeck"),
@@ -39,6 +40,7 @@ const SECTIONS: &[(&str, &str)] = &[
     ("`half_space` of a part", "HalfSpaceDeck"),
     ("`boundary_conditions`, each", "BoundaryConditionDeck"),
     ("`nodes` of a boundary condition", "NodeSelector"),
+    ("`group` whose name several dimensions share", "GroupOfDimension"),
     ("`fix` of a boundary condition", "NormalDeck"),
     ("`move` of a boundary condition", "MoveDeck"),
     ("`box` of a selection of nodes", "BoxDeck"),

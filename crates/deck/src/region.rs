@@ -3,6 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::per_axis::array;
 use super::tool_shapes::DeckTool;
 use super::{Axis, Pair, Vector};
 use mpm_core::grid::{Grid, Mesh, Structured};
@@ -12,9 +13,11 @@ use mpm_core::region::{
 };
 
 pub(super) mod files;
+mod group_name;
 mod groups;
 
 pub(super) use files::FromFiles;
+pub use group_name::{GroupDeck, GroupOfDimension};
 pub(super) use groups::Groups;
 
 /// A region. A box whose sides lie on grid lines of a structured grid is filled exactly; between lines of a grid or of
@@ -114,22 +117,35 @@ pub enum Shape {
         /// itself.
         #[schemars(length(min = 1), extend("examples" = ["rock.stl"]))]
         file: String,
+        /// Factor by which the coordinates in the file are multiplied, [-]; 1 by default.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [0.001]))]
+        scale: Option<f64>,
+        /// Rotation about the origin of the file, [degree]: a vector along the axis, whose length is the angle; none by
+        /// default.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(with = "Option<Vector>", extend("examples" = [[0, 0, 90]]))]
+        rotate: Option<Vec<f64>>,
+        /// Position of the origin of the file, [length]; the origin of coordinates by default.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(with = "Option<Vector>", extend("examples" = [[2, 2, 5]]))]
+        at: Option<Vec<f64>>,
     },
     /// Cells of a mesh of its own, which become the domains of the points of the body on any grid; the mesh cannot be
     /// part of a union, intersection or difference.
     Mesh {
-        /// Path of a mesh file of gmsh, format 2.2 or 4.1, relative to the deck, with linear cells.
+        /// Path of a mesh file of gmsh, format 2.0 to 4.1, relative to the deck.
         #[schemars(length(min = 1), extend("examples" = ["part.msh"]))]
         file: String,
         /// Name of a physical group of the mesh; all cells by default.
         #[serde(default, skip_serializing_if = "Option::is_none")]
-        group: Option<String>,
+        group: Option<GroupDeck>,
     },
     /// Whole cells of the grid.
     Cells {
         /// Name of a physical group of a gmsh grid; all cells by default.
         #[serde(default, skip_serializing_if = "Option::is_none")]
-        group: Option<String>,
+        group: Option<GroupDeck>,
     },
     /// Union of several regions.
     Union {
@@ -257,7 +273,7 @@ impl Shape {
     /// Paths of all files that the shape uses.
     pub(super) fn files(&self) -> Vec<&str> {
         match self {
-            Shape::Stl { file } | Shape::Mesh { file, .. } => vec![file],
+            Shape::Stl { file, .. } | Shape::Mesh { file, .. } => vec![file],
             _ => self.parts().into_iter().flat_map(|(_, part)| part.files()).collect(),
         }
     }
@@ -274,11 +290,11 @@ pub(super) enum Refusal {
 /// The sources of regions that a deck states only by name; `place` is a JSON pointer into the deck.
 pub(super) trait Given<const D: usize> {
     /// A group of cells, or all cells.
-    fn cells(&mut self, place: &str, group: Option<&str>) -> Option<Group<D>>;
-    /// The surface in a file.
-    fn surface(&mut self, place: &str, file: &str) -> Option<Surface>;
+    fn cells(&mut self, place: &str, group: Option<&GroupDeck>) -> Option<Group<D>>;
+    /// The surface in a file, scaled, turned and moved.
+    fn surface(&mut self, place: &str, file: &str, placed: &Motion<3>) -> Option<Surface>;
     /// A group of cells, or all cells, of the mesh in a file.
-    fn mesh(&mut self, place: &str, file: &str, group: Option<&str>) -> Option<Meshed<D>>;
+    fn mesh(&mut self, place: &str, file: &str, group: Option<&GroupDeck>) -> Option<Meshed<D>>;
 }
 
 /// The regions of all bodies, and the groups of cells of which they consist.
@@ -322,11 +338,11 @@ where
     match shape {
         Shape::Box { min, max } => Ok(Brick::new(vector(min)?, vector(max)?).map_err(refuse)?.into()),
         Shape::Cells { group } => {
-            let cells = given.cells(place, group.as_deref());
+            let cells = given.cells(place, group.as_ref());
             cells.map(Region::group).ok_or(Refusal::Unknown)
         }
         Shape::Mesh { file, group } => {
-            given.mesh(place, file, group.as_deref()).map(Region::new).ok_or(Refusal::Unknown)
+            given.mesh(place, file, group.as_ref()).map(Region::new).ok_or(Refusal::Unknown)
         }
         Shape::Union { .. } => Region::union(parts).map_err(refuse),
         Shape::Intersection { .. } => Region::intersection(parts).map_err(refuse),
@@ -351,6 +367,26 @@ fn moved<const D: usize>(mut parts: Vec<Region<D>>, motion: &Motion<D>) -> Resul
 /// A list of the right length; any other length is reported elsewhere.
 fn vector<const D: usize>(values: &[f64]) -> Result<[f64; D], Refusal> {
     values.try_into().map_err(|_| Refusal::Unknown)
+}
+
+/// How the coordinates in a file are scaled, turned about the origin of the file, and moved.
+///
+/// # Errors
+/// If a number is not finite or the scale is not positive.
+pub(crate) fn placed(
+    scale: Option<f64>,
+    rotate: Option<&[f64]>,
+    at: Option<&[f64]>,
+) -> Result<Motion<3>, ShapeError> {
+    let mut placed = Motion::scaling(scale.unwrap_or(1.0), [0.0; 3])?;
+    if let Some(rotate) = rotate {
+        let axis: [f64; 3] = array(rotate);
+        let angle = axis.iter().map(|x| x * x).sum::<f64>().sqrt();
+        if angle > 0.0 {
+            placed = placed.then(&Motion::<3>::rotation(axis, angle.to_radians(), [0.0; 3])?);
+        }
+    }
+    Ok(placed.then(&Motion::translation(array(at.unwrap_or_default()))?))
 }
 
 fn polygon(corners: &[Vec<f64>], place: &str) -> Result<Polygon, Refusal> {
@@ -399,7 +435,10 @@ impl DeckRegion<3> for Region<3> {
                 let base = polygon(corners, place)?;
                 Prism::new(base, *axis as usize, [*from, *to]).map_err(refuse)?.into()
             }
-            Shape::Stl { file } => given.surface(place, file).ok_or(Refusal::Unknown)?.into(),
+            Shape::Stl { file, scale, rotate, at } => {
+                let placed = placed(*scale, rotate.as_deref(), at.as_deref()).map_err(refuse)?;
+                given.surface(place, file, &placed).ok_or(Refusal::Unknown)?.into()
+            }
             _ => return Ok(None),
         }))
     }
@@ -429,17 +468,17 @@ pub(super) struct WithoutFiles<const D: usize> {
 }
 
 impl<const D: usize> Given<D> for WithoutFiles<D> {
-    fn cells(&mut self, _: &str, group: Option<&str>) -> Option<Group<D>> {
+    fn cells(&mut self, _: &str, group: Option<&GroupDeck>) -> Option<Group<D>> {
         let bounds = self.grid.filter(|_| group.is_none())?;
         let volume = (0..D).map(|d| bounds[1][d] - bounds[0][d]).product();
         Some(Group { key: 0, bounds, volume })
     }
 
-    fn surface(&mut self, _: &str, _: &str) -> Option<Surface> {
+    fn surface(&mut self, _: &str, _: &str, _: &Motion<3>) -> Option<Surface> {
         None
     }
 
-    fn mesh(&mut self, _: &str, _: &str, _: Option<&str>) -> Option<Meshed<D>> {
+    fn mesh(&mut self, _: &str, _: &str, _: Option<&GroupDeck>) -> Option<Meshed<D>> {
         None
     }
 }

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{BoxDeck, Length, Vector};
+use super::{BoxDeck, GroupDeck, Length, Vector};
 
 /// A surface of a body, on which loads and boundary conditions act. It is sampled at the start and then carried by the
 /// grid.
@@ -46,7 +46,7 @@ pub struct PartDeck {
     /// whose nodes all belong to the group.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = ["crest"]))]
-    pub group: Option<String>,
+    pub group: Option<GroupDeck>,
 }
 
 /// A half-space: the positions x with (x − point) · normal ≥ 0.

@@ -20,6 +20,9 @@ use super::vtu::{
 /// The history variable that is a [`PointField`]; zero for laws without it.
 const EQUIVALENT_PLASTIC_STRAIN: &str = "equivalent_plastic_strain";
 
+/// Names of the principal values of a tensor.
+const PRINCIPAL: [&str; 3] = ["1", "2", "3"];
+
 /// A field of the points in result files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
@@ -49,11 +52,15 @@ pub enum PointField {
     /// Pressure of the body, averaged at the grid nodes and interpolated back to the points, [stress]; intended for
     /// plots and written only if requested.
     PressureSmoothed,
+    /// Principal values of the Cauchy stress, the largest (most tensile) first, [stress]; written only if requested.
+    PrincipalStress,
+    /// Half the difference of the largest and the smallest principal stress, [stress]; written only if requested.
+    MaximumShearStress,
 }
 
 impl PointField {
     /// All fields, in the order of the files.
-    pub const ALL: [PointField; 11] = [
+    pub const ALL: [PointField; 13] = [
         PointField::Displacement,
         PointField::DeformationGradient,
         PointField::VolumeRatio,
@@ -65,11 +72,15 @@ impl PointField {
         PointField::Volume,
         PointField::EquivalentPlasticStrain,
         PointField::PressureSmoothed,
+        PointField::PrincipalStress,
+        PointField::MaximumShearStress,
     ];
 
-    /// The fields written if none are requested: the state of the points, without the smoothed pressure.
+    /// The fields written if none are requested: the state of the points, without what follows from it.
     pub fn by_default() -> Vec<PointField> {
-        Self::ALL.into_iter().filter(|field| *field != PointField::PressureSmoothed).collect()
+        let derived =
+            [PointField::PressureSmoothed, PointField::PrincipalStress, PointField::MaximumShearStress];
+        Self::ALL.into_iter().filter(|field| !derived.contains(field)).collect()
     }
 
     /// Name of the field in files and decks.
@@ -86,12 +97,15 @@ impl PointField {
             PointField::Volume => "volume",
             PointField::EquivalentPlasticStrain => EQUIVALENT_PLASTIC_STRAIN,
             PointField::PressureSmoothed => "pressure_smoothed",
+            PointField::PrincipalStress => "principal_stress",
+            PointField::MaximumShearStress => "maximum_shear_stress",
         }
     }
 
     fn component_names(self) -> &'static [&'static str] {
         match self {
             PointField::Displacement => &VECTOR,
+            PointField::PrincipalStress => &PRINCIPAL,
             PointField::DeformationGradient => &TENSOR,
             PointField::CauchyStress | PointField::ElasticStrain | PointField::PlasticStrain => {
                 &SYMMETRIC_TENSOR
@@ -101,7 +115,8 @@ impl PointField {
             | PointField::Pressure
             | PointField::Volume
             | PointField::EquivalentPlasticStrain
-            | PointField::PressureSmoothed => &[],
+            | PointField::PressureSmoothed
+            | PointField::MaximumShearStress => &[],
         }
     }
 
@@ -152,6 +167,14 @@ impl PointField {
                 fill(out, order.iter().map(|&p| [history.value(points, p)]));
             }
             PointField::PressureSmoothed => fill(out, source.smoothed[tuples].iter().map(|p| [*p])),
+            PointField::PrincipalStress => fill(out, stresses.map(|sigma| principal_stresses(&sigma))),
+            PointField::MaximumShearStress => fill(
+                out,
+                stresses.map(|sigma| {
+                    let [largest, _, smallest] = principal_stresses(&sigma);
+                    [0.5 * (largest - smallest)]
+                }),
+            ),
         }
     }
 }
@@ -189,6 +212,13 @@ fn plastic_strain(f: &Mat3, b: &Sym3) -> Sym3 {
         strain.0[3..5].fill(0.0); // in the plane, z is a principal direction; removes round-off
     }
     strain
+}
+
+/// Principal stresses, the largest first, [stress].
+pub fn principal_stresses(sigma: &Sym3) -> [f64; 3] {
+    let mut values = sigma.spectrum().values;
+    values.sort_unstable_by(|a, b| b.total_cmp(a));
+    values
 }
 
 /// √(3/2) |dev σ|, [stress].

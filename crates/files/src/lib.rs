@@ -25,6 +25,7 @@ pub mod status;
 pub mod summary;
 pub mod table;
 mod tool_frames;
+pub mod units;
 pub mod vtu;
 mod writer;
 

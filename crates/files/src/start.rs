@@ -40,6 +40,9 @@ impl Account {
             "threads": self.threads,
             "machine": machine(),
         });
+        if let Some(units) = &self.units {
+            document["units"] = units.document();
+        }
         if ranks > 1 {
             document["ranks"] = json!(ranks);
         }

@@ -29,6 +29,7 @@ pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 use super::fields::{corner_of, number_of_corners};
 use super::findings::Findings;
 use super::invalid;
+use super::units::Units;
 use findings::{forces, largest};
 use quality::{at_step, quality};
 
@@ -146,6 +147,8 @@ pub struct Account {
     pub law_libraries: Vec<LawLibrary>,
     /// Parameters of the deck with their final values.
     pub parameters: BTreeMap<String, Value>,
+    /// The units of the deck, if it states them.
+    pub units: Option<Units>,
     /// Warnings and notes about the deck.
     pub messages: Vec<DeckMessage>,
     /// Time spent so far on reading the deck and building the model.
@@ -255,6 +258,9 @@ impl Account {
             "warnings": warnings,
             "bodies": whole.bodies,
         });
+        if let Some(units) = &self.units {
+            document["units"] = units.document();
+        }
         if whole.ranks > 1 {
             document["ranks"] = json!(whole.ranks);
         }

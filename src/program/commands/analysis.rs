@@ -258,7 +258,8 @@ pub fn run_into(run: Run, ready: Prepared, set_up: Timings) -> anyhow::Result<Op
     // On a worker thread, so that work need not be handed over to the pool.
     let outcome = rayon::scope(|_| analysis.run(reached, &mut watch));
     let nonassociated = loaded.deck.nonassociated_with_reduced_strength();
-    let closing = watch.end().map(|closing| closing.with_nonassociated(&nonassociated));
+    let closing =
+        watch.end().map(|closing| closing.with_nonassociated(&nonassociated).with_units(loaded.deck.units()));
     Ok(Some(Ended { outcome, closing }))
 }
 
@@ -361,11 +362,14 @@ pub fn describe_failure(error: &SolveError) -> String {
         }
         text.push_str(&format!("\n  residuals: {}", history.join(", ")));
     }
-    // If smaller steps might have avoided the failure, its diagnosis has already given advice for this particular run.
-    let diagnosed =
-        error.is_retryable().then_some("see the diagnosis of the run, also in `summary.json`, for advice");
-    if let Some(help) = diagnosed.or_else(|| advice::on_error(error)) {
-        text.push_str(&format!("\n  help: {help}"));
+    // If smaller steps might have avoided the failure, its diagnosis has given advice for this particular run as well.
+    let help = advice::on_error(error).map(str::to_owned);
+    let diagnosed = error
+        .is_retryable()
+        .then(|| "the diagnosis of this run, above and in `summary.json`, says more".to_owned());
+    let help: Vec<String> = [help, diagnosed].into_iter().flatten().collect();
+    if !help.is_empty() {
+        text.push_str(&format!("\n  help: {}", help.join("; ")));
     }
     text
 }

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::deck::quoting::list;
 use crate::deck::schema::deck_schema;
+use crate::program::commands::guides::with_commands;
 use crate::program::screen::print::{json_text, print};
 use anyhow::{Context, bail};
 use clap::Args;
@@ -74,9 +75,9 @@ impl Example {
     }
 
     /// The text of the deck as written: it names the schema beside it, while the decks in `inputs` name the schema in
-    /// another folder.
+    /// another folder; pages are named by the command that prints them.
     fn text(&self) -> String {
-        self.deck.replacen("$schema=../schema/", "$schema=", 1)
+        with_commands(&self.deck.replacen("$schema=../schema/", "$schema=", 1))
     }
 }
 

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use crate::appendix::{self, FieldChoice, Options, StepChoice, Units};
 use crate::program::commands::analysis::start_threads;
+use crate::program::commands::newest::named_or_newest;
 use crate::program::commands::overwriting::{REPORT, may_be_replaced};
 use crate::program::exit::DONE;
 use anyhow::bail;
@@ -12,8 +13,8 @@ use clap::Args;
 /// Arguments of `mpm report`.
 #[derive(Args)]
 pub struct ReportArgs {
-    /// Results directories; if several are given, they are compared.
-    #[arg(required = true, value_name = "DIR")]
+    /// Results directories; if several are given, they are compared [default: the newest results].
+    #[arg(value_name = "DIR")]
     directories: Vec<PathBuf>,
     /// Page to write [default: DIR/report.html; comparison.html for several directories].
     #[arg(long, value_name = "FILE")]
@@ -33,6 +34,10 @@ pub struct ReportArgs {
 /// Writes the page.
 pub fn report(args: ReportArgs) -> anyhow::Result<u8> {
     start_threads(None)?;
+    let mut args = args;
+    if args.directories.is_empty() {
+        args.directories.push(named_or_newest(None)?);
+    }
     let options = Options { fields: args.field, steps: args.steps, units: args.units };
     let page = appendix::report(&args.directories, &options)?;
     let path = args.out.unwrap_or_else(|| match &args.directories[..] {

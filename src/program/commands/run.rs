@@ -11,6 +11,7 @@ use crate::program::commands::analysis::{
     self, Begin, Ended, Run, describe_failure, prepare_and_report, run_into,
 };
 use crate::program::commands::arguments::{DeckArgs, Format};
+use crate::program::commands::picture::picture_of;
 use crate::program::exit::{DONE, FAILED, INTERRUPTED, USAGE};
 use crate::program::interrupt::stop_on_interrupt;
 use crate::program::machines::Machines;
@@ -44,6 +45,9 @@ pub struct RunArgs {
     /// Print the time spent in each phase of the run.
     #[arg(long)]
     timings: bool,
+    /// At the end, draw the results into DIR/picture.png, as `mpm picture` does.
+    #[arg(long)]
+    picture: bool,
 }
 
 /// Runs a deck; `command_line` is the command line of the program, and `began` the time at which it started.
@@ -128,6 +132,9 @@ fn run_as_root(
     }
     if outcome.is_err() {
         log_text(&text);
+    }
+    if args.picture {
+        picture_of(directory);
     }
     Ok(if is_shown { code } else { code.max(FAILED) })
 }

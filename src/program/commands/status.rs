@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use crate::deck::quoting::counted;
 use crate::output::status::{self, State, Status};
 use crate::program::commands::arguments::Format;
+use crate::program::commands::newest::named_or_newest;
 use crate::program::exit::{DONE, FAILED, INTERRUPTED};
 use crate::program::screen::print::{print, print_json};
 use crate::program::screen::quantities::{bytes, duration, rate, significant};
@@ -19,9 +20,9 @@ const RUNNING: u8 = 3;
 /// Arguments of `mpm status`.
 #[derive(Args)]
 pub struct StatusArgs {
-    /// Results directory of the run.
+    /// Results directory of the run [default: the newest results].
     #[arg(value_name = "DIR")]
-    directory: PathBuf,
+    directory: Option<PathBuf>,
     /// Output format.
     #[arg(long, value_name = "FORMAT", default_value = "text")]
     format: Format,
@@ -29,7 +30,7 @@ pub struct StatusArgs {
 
 /// Prints the progress of a run; the exit code is the run's own, or 3 if the run has not ended.
 pub fn status(args: &StatusArgs) -> anyhow::Result<u8> {
-    let directory = &args.directory;
+    let directory = &named_or_newest(args.directory.clone())?;
     let status = match status::read(directory) {
         Ok(status) => status,
         Err(error) if error.kind() == io::ErrorKind::NotFound => {

@@ -7,6 +7,7 @@ use crate::deck::quoting::{counted, list};
 use crate::model::Model;
 use crate::output::findings::{Extreme, Findings, ForceBalance};
 use crate::output::results::{Picture, Results};
+use crate::output::units::Units;
 use crate::program::screen::quantities::{duration, significant};
 use crate::quality::{BalanceSoFar, MAX_ENERGY_ERROR, MAX_REGRIDDING};
 use crate::solver::{Reached, SolveError, StageStrength, StrengthBracket};
@@ -36,6 +37,8 @@ pub struct Closing {
     rounding_limited: usize,
     newton_order: Option<f64>,
     quality: String,
+    /// Largest share of a basis function that lies beyond the grid, [-].
+    loss: Option<f64>,
     balance: BalanceSoFar,
     warnings: usize,
     findings: Findings,
@@ -45,11 +48,12 @@ pub struct Closing {
     limits: Vec<String>,
     /// Materials with non-associated flow whose strength is reduced.
     nonassociated: Vec<String>,
+    units: Option<Units>,
+    /// True in plane strain, where forces are per unit thickness.
+    per_thickness: bool,
     directory: PathBuf,
     picture: Option<Picture>,
     asks_for_pictures: bool,
-    /// Argument of `plot` in PyVista that sets the camera.
-    view: &'static str,
 }
 
 impl Closing {
@@ -100,22 +104,34 @@ impl Closing {
             rounding_limited: summary.rounding_limited,
             newton_order: summary.quality.median_newton_order(),
             quality: summary.quality.to_string(),
+            loss: summary.quality.partition_of_unity_loss.map(|loss| loss.value),
             balance: summary.balance(),
             warnings: summary.warnings.len(),
             findings: results.findings().clone(),
             safety: safety(model, reached),
             limits: reached.progress.limits.iter().map(|found| found.limit.to_string()).collect(),
             nonassociated: Vec::new(),
+            units: None,
+            per_thickness: D == 2 && !model.revolved,
             directory: results.directory().to_owned(),
             picture: results.last_picture(),
             asks_for_pictures: results.asks_for_pictures(),
-            view: if D == 2 { "cpos=\"xy\"" } else { "" },
         })
     }
 
     /// States that the factor of safety of these materials depends on the grid.
     pub fn with_nonassociated(self, materials: &[&str]) -> Closing {
         Closing { nonassociated: materials.iter().map(|name| (*name).to_owned()).collect(), ..self }
+    }
+
+    /// States the units of the deck.
+    pub fn with_units(self, units: Option<Units>) -> Closing {
+        Closing { units, ..self }
+    }
+
+    /// The unit after a number, with a space before it; empty if the deck states none.
+    fn unit(&self, name: impl Fn(&Units) -> String) -> String {
+        self.units.as_ref().map(|units| format!(" {}", name(units))).unwrap_or_default()
     }
 
     /// Formats the table, with a line break at the end; `seconds` is the duration of the run.
@@ -140,7 +156,15 @@ impl Closing {
         self.convergence(&mut table);
         self.extremes(&mut table);
         if let Some(balance) = &self.findings.balance {
-            table.forces(balance);
+            let force = self.unit(|units| units.force().to_owned()).trim().to_owned();
+            let per_thickness = if self.per_thickness {
+                self.unit(|units| format!("/{}", units.length()))
+            } else {
+                String::new()
+            };
+            let unit = format!("{force}{}", per_thickness.trim());
+            table.forces(balance, &unit);
+            self.difference(&mut table, balance);
         }
         let errors = &self.findings.errors;
         let shown = [("energy", errors.energy), ("forces", errors.force), ("moments", errors.moment)];
@@ -153,11 +177,11 @@ impl Closing {
             let most = 100.0 * MAX_ENERGY_ERROR;
             table.row(
                 "balances",
-                &format!("{}; warning for energy above {most} % from step 5 on", shown.join(", ")),
+                &format!("{} (limit of the energy {most} % from step 5 on)", shown.join(", ")),
             );
         }
         let [value, most] = [self.balance.regridding(), MAX_REGRIDDING].map(|share| 100.0 * share);
-        let text = format!("{value:.1} % of the external work (warning above {most} %)");
+        let text = format!("{value:.1} % of the external work (limit {most} %)");
         table.row("regridding work", &text);
         table.row("quality", &self.quality);
         if self.warnings > 0 {
@@ -225,25 +249,40 @@ impl Closing {
     fn extremes(&self, table: &mut Table) {
         let Some(extremes) = &self.findings.extremes else { return };
         let several = self.bodies > 1;
-        let place = |extreme: &Extreme| {
+        let (length, stress) = (self.unit(|units| units.length().to_owned()), self.unit(Units::stress));
+        let place = |extreme: &Extreme, unit: &str| {
             let position: Vec<String> = extreme.position.iter().map(|x| significant(*x, 4)).collect();
             let body = if several { format!(" of `{}`", extreme.body) } else { String::new() };
-            format!("{}{body} at ({})", significant(extreme.value, 5), position.join(", "))
+            format!("{}{unit}{body} at ({}){length}", significant(extreme.value, 5), position.join(", "))
         };
-        table.row("displacement", &format!("at most {}", place(&extremes.displacement)));
-        table.row("von Mises stress", &format!("at most {}", place(&extremes.von_mises_stress)));
+        table.row("displacement", &format!("at most {}", place(&extremes.displacement, &length)));
+        table.row("von Mises stress", &format!("at most {}", place(&extremes.von_mises_stress, &stress)));
         let (low, high) = (&extremes.lowest_pressure, &extremes.highest_pressure);
-        table.row("pressure", &format!("from {}\nto {}", place(low), place(high)));
+        table.row("pressure", &format!("from {}\nto {}", place(low, &stress), place(high, &stress)));
+    }
+
+    /// Says where a difference of forces comes from that the iterations did not leave.
+    fn difference(&self, table: &mut Table, balance: &ForceBalance) {
+        let explained = self.loss.is_some_and(|loss| loss > 0.0);
+        if explained && balance.relative_difference().is_some_and(|share| share > 10.0 * self.tolerance) {
+            table.row(
+                " ",
+                "(not left by the iterations: domains reach beyond the grid, where their share of stress acts on no \
+                 node; a row of cells behind the supports avoids it)",
+            );
+        }
     }
 
     fn files(&self, table: &mut Table) {
-        table.entry("results", &self.directory.display().to_string());
+        let directory = self.directory.display().to_string();
+        let word = shell_word(&self.directory);
+        table.entry("results", &directory);
+        table.entry("report", &format!("mpm report {word}"));
         match &self.picture {
-            Some(Picture { series, file }) => {
+            Some(Picture { series, .. }) => {
+                table.entry("picture", &format!("mpm picture {word}"));
                 table.entry("in ParaView", &format!("paraview {}", shell_word(series)));
-                table.entry("in Python", "");
-                let file = format!("{:?}", file.display().to_string());
-                table.line(&format!("import pyvista; pyvista.read({file}).plot({})", self.view));
+                table.entry("in Python", &format!("import mpm; mpm.read({directory:?}).plot()"));
             }
             None if self.asks_for_pictures => table.row("", "no VTU files could be written"),
             None => table.row("", "no VTU files: the deck sets `output: {every: 0}`"),
@@ -308,9 +347,10 @@ impl Table {
     }
 
     /// Loads, reactions and their difference, by axis.
-    fn forces(&mut self, balance: &ForceBalance) {
+    fn forces(&mut self, balance: &ForceBalance, unit: &str) {
         let axes = ["x", "y", "z"].iter().take(balance.applied.len());
-        self.line(&format!("{:<LABEL$}{}", "forces", columns(axes.map(|axis| (*axis).to_owned()))));
+        let label = if unit.is_empty() { "forces".to_owned() } else { format!("forces [{unit}]") };
+        self.line(&format!("{label:<LABEL$}{}", columns(axes.map(|axis| (*axis).to_owned()))));
         let mut row = |label: &str, force: &[Option<f64>], after: &str| {
             let label: String = if label.chars().count() < LABEL {
                 format!("{label:<LABEL$}")

@@ -97,6 +97,7 @@ fn account(loaded: &LoadedDeck) -> Account {
         files_hash: loaded.hash_of_files(),
         law_libraries: Vec::new(),
         parameters: BTreeMap::new(),
+        units: None,
         messages: Vec::new(),
         set_up: Timings::default(),
         threads: 1,

@@ -12,6 +12,7 @@
 
 mod checkpoints;
 mod damage;
+mod strangers;
 
 use std::path::Path;
 use std::time::Duration;
@@ -108,7 +109,7 @@ impl Surfaces {
     fn new() -> Surfaces {
         let mut all = files("", "stl");
         for text in all.clone() {
-            let Ok(triangles) = stl::read(&text) else { continue };
+            let Ok(stl::StlFile { triangles, .. }) = stl::read(&text) else { continue };
             let mut binary = vec![0u8; 80];
             binary.extend((triangles.len() as u32).to_le_bytes());
             for corners in &triangles {
@@ -131,7 +132,7 @@ impl Bench for Surfaces {
 
     fn run(&self, content: &[u8]) -> String {
         let triangles = match stl::read(content) {
-            Ok(triangles) => triangles,
+            Ok(file) => file.triangles,
             Err(error) => {
                 assert!(!error.to_string().is_empty());
                 return "1 refused by the reader".into();

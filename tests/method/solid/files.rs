@@ -45,6 +45,7 @@ fn results(
         deck_file: String::new(),
         deck_text: String::new(),
         parameters: BTreeMap::new(),
+        units: None,
         messages: Vec::new(),
         set_up: Timings::default(),
         threads: 1,

@@ -1,28 +1,36 @@
-//! Reader of gmsh mesh files, formats 2.2 and 4.1, text and binary.
+//! Reader of gmsh mesh files, formats 2 (2.0, 2.1, 2.2), 4.0 and 4.1, text and binary.
 //!
-//! Only linear elements are read. Physical groups come from the tags of the elements (2.2) or of their entities (4.1).
-//! Sections other than nodes, elements and groups are skipped.
+//! Elements of a higher order are read by their corners. Physical groups come from the tags of the elements (2) or of
+//! their entities (4). Partitions are ignored: the elements of all parts are those of one mesh. Sections other than
+//! nodes, elements, entities and groups are skipped.
 
 mod elements;
+mod entities;
 mod entity;
 mod error;
 mod kinds;
+mod names;
 mod nodes;
 mod reader;
 
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
 
 use crate::input_file;
 use elements::Elements;
 use entity::{EntityGroups, GroupKey};
 use error::{MAX_BYTES, MAX_GROUPS};
+use names::GroupNames;
 use nodes::Nodes;
 use reader::{Encoding, Reader};
 
+pub use elements::Straightened;
 pub use entity::{Element, PhysicalGroup};
 pub use error::{FileLocation, GmshError};
 pub use kinds::ElementKind;
+
+/// Some editors write this before a text.
+const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
 /// The contents of a gmsh mesh file.
 #[derive(Debug, Clone, PartialEq)]
@@ -35,6 +43,8 @@ pub struct GmshFile {
     pub elements: Vec<Element>,
     /// Physical groups, sorted by dimension and tag.
     pub groups: Vec<PhysicalGroup>,
+    /// What was lost by reading elements of a higher order by their corners; `None` if all are of the first order.
+    pub straightened: Option<Straightened>,
     /// Distinct sets of groups of the elements; see [`GmshFile::groups_of`].
     group_sets: Vec<Vec<u32>>,
 }
@@ -53,7 +63,7 @@ pub fn read_file(path: &Path) -> Result<GmshFile, GmshError> {
 /// # Errors
 /// Any [`GmshError`] about the contents.
 pub fn read(bytes: &[u8]) -> Result<GmshFile, GmshError> {
-    let mut reader = Reader::new(bytes);
+    let mut reader = Reader::new(bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes));
     let mut sections = Sections::default();
     while let Some(section) = reader.section().map_err(|e| sections.explain(e))? {
         sections.read(&mut reader, section).map_err(|e| sections.explain(e))?;
@@ -75,7 +85,8 @@ pub fn read(bytes: &[u8]) -> Result<GmshFile, GmshError> {
 /// Supported versions of the format.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Version {
-    V22,
+    V2,
+    V40,
     V41,
 }
 
@@ -83,7 +94,7 @@ enum Version {
 #[derive(Default)]
 struct Sections {
     version: Option<Version>,
-    names: BTreeMap<GroupKey, String>,
+    names: GroupNames,
     entities: EntityGroups,
     nodes: Option<Nodes>,
     elements: Option<Elements>,
@@ -110,13 +121,18 @@ impl Sections {
             return Ok(());
         };
         match (section, version) {
-            ("PhysicalNames", _) => self.names = physical_names(reader)?,
-            ("Entities", Version::V41) => self.entities = entities(reader)?,
-            ("PartitionedEntities", _) => return Err(GmshError::Partitioned { location: reader.location() }),
+            ("PhysicalNames", _) => self.names = names::read(reader)?,
+            ("Entities", Version::V40 | Version::V41) => {
+                entities::read(reader, version, false, &mut self.entities)?;
+            }
+            ("PartitionedEntities", Version::V40 | Version::V41) => {
+                entities::read(reader, version, true, &mut self.entities)?;
+            }
             ("Nodes" | "ParametricNodes", _) => {
                 reader.require(self.nodes.is_none(), "only one section of nodes", "a second one")?;
                 self.nodes = Some(match version {
-                    Version::V22 => nodes::read_22(reader, section == "ParametricNodes")?,
+                    Version::V2 => nodes::read_2(reader, section == "ParametricNodes")?,
+                    Version::V40 => nodes::read_40(reader)?,
                     Version::V41 => nodes::read_41(reader)?,
                 });
             }
@@ -126,8 +142,8 @@ impl Sections {
                     return reader.require(false, "the nodes before the elements", "the elements first");
                 };
                 self.elements = Some(match version {
-                    Version::V22 => elements::read_22(reader, nodes)?,
-                    Version::V41 => elements::read_41(reader, nodes, &self.entities)?,
+                    Version::V2 => elements::read_2(reader, nodes)?,
+                    Version::V40 | Version::V41 => elements::read_4(reader, version, nodes, &self.entities)?,
                 });
             }
             _ => return reader.skip(section),
@@ -140,7 +156,8 @@ impl Sections {
 fn format(reader: &mut Reader<'_>) -> Result<Version, GmshError> {
     let stated = reader.token("a version")?;
     let version = match stated {
-        "2.2" => Version::V22,
+        "2" | "2.0" | "2.1" | "2.2" => Version::V2,
+        "4" | "4.0" => Version::V40,
         "4.1" => Version::V41,
         _ if stated.parse::<f64>().is_ok() => {
             return Err(GmshError::Version { version: stated.chars().take(20).collect() });
@@ -164,73 +181,17 @@ fn format(reader: &mut Reader<'_>) -> Result<Version, GmshError> {
     Ok(version)
 }
 
-/// Reads the names of the physical groups, which are text in all formats.
-fn physical_names(reader: &mut Reader<'_>) -> Result<BTreeMap<GroupKey, String>, GmshError> {
-    let n = reader.text::<u64>("the number of names")?;
-    let n = reader.bounded(n, "names", 7)?;
-    let mut names = BTreeMap::new();
-    for _ in 0..n {
-        let dimension = reader.text::<u8>("a group dimension")?;
-        reader.require(dimension <= 3, "a dimension from 0 to 3", format_args!("`{dimension}`"))?;
-        let tag = reader.text::<i32>("a group tag")?.unsigned_abs();
-        let name = reader.quoted("a group name in quotes")?;
-        if !name.is_empty() {
-            names.insert((dimension, tag), name);
-        }
-    }
-    Ok(names)
-}
-
-/// Reads the physical groups of the entities of format 4.1.
-fn entities(reader: &mut Reader<'_>) -> Result<EntityGroups, GmshError> {
-    let mut counts = [0; 4];
-    for count in &mut counts {
-        *count = reader.size("the number of entities")?;
-    }
-    let mut all = EntityGroups::new();
-    for (dimension, count) in (0u8..).zip(counts) {
-        for _ in 0..reader.count_of(count, "entities", 4)? {
-            let tag = reader.int("an entity number")?;
-            for _ in 0..if dimension == 0 { 3 } else { 6 } {
-                reader.real("a coordinate")?;
-            }
-            let n = reader.size("the number of physical tags")?;
-            let mut groups = Vec::new();
-            for _ in 0..reader.count_of(n, "physical tags", 1)? {
-                // A negative tag means reversed orientation.
-                groups.push((dimension, reader.int("a physical tag")?.unsigned_abs()));
-            }
-            if dimension > 0 {
-                let n = reader.size("the number of bounding entities")?;
-                for _ in 0..reader.count_of(n, "bounding entities", 1)? {
-                    reader.int("an entity number")?;
-                }
-            }
-            groups.sort_unstable();
-            groups.dedup();
-            if groups.len() > MAX_GROUPS {
-                return Err(GmshError::TooManyGroups { count: groups.len() });
-            }
-            all.insert((dimension, tag), groups);
-        }
-    }
-    Ok(all)
-}
-
 /// Numbers the groups and replaces the groups of the elements by their numbers.
-fn assemble(
-    nodes: Nodes,
-    elements: Elements,
-    mut names: BTreeMap<GroupKey, String>,
-) -> Result<GmshFile, GmshError> {
+fn assemble(nodes: Nodes, elements: Elements, names: GroupNames) -> Result<GmshFile, GmshError> {
     if !elements.unsupported.is_empty() {
         return Err(GmshError::Unsupported { kinds: elements.unsupported.into_iter().collect() });
     }
     if let Some(set) = elements.group_sets.iter().find(|set| set.len() > MAX_GROUPS) {
         return Err(GmshError::TooManyGroups { count: set.len() });
     }
-    let mut keys: BTreeSet<GroupKey> = names.keys().copied().collect();
-    keys.extend(elements.group_sets.iter().flatten());
+    let mut keys: BTreeSet<GroupKey> = elements.group_sets.iter().flatten().copied().collect();
+    let mut names = names.by_group(&keys);
+    keys.extend(names.keys());
     let number: HashMap<GroupKey, u32> = keys.iter().copied().zip(0..).collect();
     let group_sets =
         elements.group_sets.iter().map(|set| set.iter().map(|key| number[key]).collect()).collect();
@@ -246,6 +207,7 @@ fn assemble(
         node_tags: nodes.tags,
         elements: elements.elements,
         groups,
+        straightened: elements.straightened,
         group_sets,
     })
 }

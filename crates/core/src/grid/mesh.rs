@@ -40,7 +40,10 @@ pub struct Mesh<const D: usize> {
     bounds: Bounds<D>,
     bins: Bins<D>,
     boundary: Vec<BoundarySide>,
+    /// Nodes of the groups whose name one dimension has.
     node_sets: BTreeMap<String, Vec<u32>>,
+    /// Nodes of all groups, by name and dimension.
+    nodes_of_groups: BTreeMap<String, BTreeMap<u8, Vec<u32>>>,
     side_sets: BTreeMap<String, Vec<Side>>,
     cell_sets: BTreeMap<String, Vec<u32>>,
     warnings: Vec<MeshWarning>,
@@ -293,6 +296,11 @@ impl<const D: usize> Grid<D> for Mesh<D> {
         self.node_sets.get(name).map(Vec::as_slice)
     }
 
+    fn node_sets_named(&self, name: &str) -> Vec<(u8, &[u32])> {
+        let groups = self.nodes_of_groups.get(name).into_iter().flatten();
+        groups.map(|(dimension, nodes)| (*dimension, nodes.as_slice())).collect()
+    }
+
     fn cell_set(&self, name: &str) -> Option<&[u32]> {
         self.cell_sets.get(name).map(Vec::as_slice)
     }
@@ -302,7 +310,7 @@ impl<const D: usize> Grid<D> for Mesh<D> {
     }
 
     fn set_names(&self) -> Option<Vec<&str>> {
-        Some(self.node_sets.keys().map(String::as_str).collect())
+        Some(self.nodes_of_groups.keys().map(String::as_str).collect())
     }
 }
 

@@ -296,6 +296,12 @@ pub trait Grid<const D: usize>: std::fmt::Debug + Send + Sync {
         None
     }
 
+    /// The nodes of the groups with this name, each with the dimension of its group: several dimensions may share a
+    /// name.
+    fn node_sets_named(&self, _name: &str) -> Vec<(u8, &[u32])> {
+        Vec::new()
+    }
+
     /// Cells of a named set of an imported grid.
     fn cell_set(&self, _name: &str) -> Option<&[u32]> {
         None

@@ -18,6 +18,29 @@ const HEADER: usize = 80;
 const BEFORE_FACETS: usize = HEADER + 4;
 const FACET: usize = 50;
 
+/// The facets of an STL file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StlFile {
+    /// The facets in file order, with finite coordinates, [length].
+    pub triangles: Vec<Triangle>,
+    /// How the file departs from the format, without a loss.
+    pub notes: Vec<StlNote>,
+}
+
+/// A departure of an STL file from its format that leaves no doubt about its facets.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum StlNote {
+    /// Bytes after the facets that the header announces.
+    #[error("{} after the last facet; they are ignored", counted(*.bytes, "byte follows", "bytes follow"))]
+    Trailing {
+        /// Number of such bytes.
+        bytes: usize,
+    },
+    /// The last solid of a text file is not closed.
+    #[error("the last line, `endsolid`, is missing")]
+    Unclosed,
+}
+
 /// An error in an STL file.
 #[derive(Debug, thiserror::Error)]
 pub enum StlError {
@@ -75,33 +98,38 @@ pub enum StlError {
 ///
 /// # Errors
 /// [`StlError::File`] if the file cannot be read, otherwise as for [`read`].
-pub fn read_file(path: &Path) -> Result<Vec<Triangle>, StlError> {
+pub fn read_file(path: &Path) -> Result<StlFile, StlError> {
     read(&input_file::read(path, MAX_BYTES)?)
 }
 
-/// Reads the facets of an STL file, in file order, with finite coordinates, [length]. Memory is proportional to the
-/// file size.
+/// Reads the facets of an STL file. Memory is proportional to the file size.
 ///
 /// # Errors
 /// Any [`StlError`] about the contents.
-pub fn read(bytes: &[u8]) -> Result<Vec<Triangle>, StlError> {
-    let facets = match (announced(bytes), is_text(bytes)) {
-        (Some(n), _) if bytes.len() as u64 == size(n) => binary(bytes),
-        (_, true) => text(bytes)?,
-        (Some(n), false) => {
-            return Err(StlError::Size { announced: n, needed: size(n), bytes: bytes.len() });
-        }
+pub fn read(bytes: &[u8]) -> Result<StlFile, StlError> {
+    let mut notes = Vec::new();
+    let triangles = match (announced(bytes), is_text(bytes)) {
+        (Some(n), _) if bytes.len() as u64 == size(n) => binary(bytes, n),
+        (_, true) => text(bytes, &mut notes)?,
+        (Some(n), false) => match (bytes.len() as u64).checked_sub(size(n)) {
+            // Whole facets beyond the announced ones mean that the count is wrong.
+            Some(rest) if n > 0 && rest % FACET as u64 != 0 => {
+                notes.push(StlNote::Trailing { bytes: rest as usize });
+                binary(bytes, n)
+            }
+            _ => return Err(StlError::Size { announced: n, needed: size(n), bytes: bytes.len() }),
+        },
         (None, false) => return Err(StlError::NotStl),
     };
-    if facets.is_empty() {
+    if triangles.is_empty() {
         return Err(StlError::NoFacets);
     }
-    for (k, facet) in facets.iter().enumerate() {
+    for (k, facet) in triangles.iter().enumerate() {
         if let Some(corner) = facet.iter().position(|x| !x.iter().all(|x| x.is_finite())) {
             return Err(StlError::NotFinite { facet: k + 1, corner: corner + 1 });
         }
     }
-    Ok(facets)
+    Ok(StlFile { triangles, notes })
 }
 
 /// Facet count in the header of a binary file.
@@ -127,7 +155,7 @@ fn without_mark(bytes: &[u8]) -> &[u8] {
     bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes)
 }
 
-fn binary(bytes: &[u8]) -> Vec<Triangle> {
+fn binary(bytes: &[u8], n: u32) -> Vec<Triangle> {
     let number = |bytes: &[u8; 4]| f64::from(f32::from_le_bytes(*bytes));
     let (facets, _) = bytes[BEFORE_FACETS..].as_chunks::<FACET>();
     let corners = |facet: &[u8; FACET]| -> Triangle {
@@ -135,7 +163,7 @@ fn binary(bytes: &[u8]) -> Vec<Triangle> {
         let (numbers, _) = facet[12..48].as_chunks::<4>();
         std::array::from_fn(|corner| std::array::from_fn(|d| number(&numbers[3 * corner + d])))
     };
-    facets.iter().map(corners).collect()
+    facets.iter().take(n as usize).map(corners).collect()
 }
 
 /// The words of a text file.
@@ -149,7 +177,9 @@ impl<'a> Words<'a> {
     /// The next word; `None` at the end.
     fn next(&mut self) -> Option<&'a [u8]> {
         while let Some(byte) = self.bytes.get(self.at).filter(|byte| byte.is_ascii_whitespace()) {
-            self.line += usize::from(*byte == b'\n');
+            // A line ends with a line feed, a carriage return, or both.
+            let follows = self.bytes.get(self.at + 1) == Some(&b'\n');
+            self.line += usize::from(*byte == b'\n' || (*byte == b'\r' && !follows));
             self.at += 1;
         }
         let rest = &self.bytes[self.at..];
@@ -161,7 +191,7 @@ impl<'a> Words<'a> {
     /// Skips the rest of the line.
     fn skip_line(&mut self) {
         let rest = &self.bytes[self.at..];
-        self.at += rest.iter().position(|byte| *byte == b'\n').unwrap_or(rest.len());
+        self.at += rest.iter().position(|byte| matches!(byte, b'\n' | b'\r')).unwrap_or(rest.len());
     }
 
     fn required(&mut self, expected: &'static str) -> Result<&'a [u8], StlError> {
@@ -187,7 +217,7 @@ impl<'a> Words<'a> {
     }
 }
 
-fn text(bytes: &[u8]) -> Result<Vec<Triangle>, StlError> {
+fn text(bytes: &[u8], notes: &mut Vec<StlNote>) -> Result<Vec<Triangle>, StlError> {
     let mut words = Words { bytes: without_mark(bytes), at: 0, line: 1 };
     let mut facets = Vec::new();
     words.keyword("`solid`")?;
@@ -195,7 +225,10 @@ fn text(bytes: &[u8]) -> Result<Vec<Triangle>, StlError> {
         // The rest of the line is the name of the solid.
         words.skip_line();
         loop {
-            let word = words.required("`facet` or `endsolid`")?;
+            let Some(word) = words.next() else {
+                notes.push(StlNote::Unclosed);
+                return Ok(facets);
+            };
             if word.eq_ignore_ascii_case(b"facet") {
                 facets.push(facet(&mut words)?);
             } else if word.eq_ignore_ascii_case(b"endsolid") {
@@ -253,6 +286,13 @@ mod tests {
         bytes
     }
 
+    /// The facets of a file that needs no note.
+    fn facets(bytes: &[u8]) -> Vec<Triangle> {
+        let file = read(bytes).unwrap();
+        assert!(file.notes.is_empty(), "{:?}", file.notes);
+        file.triangles
+    }
+
     fn message(bytes: &[u8]) -> String {
         read(bytes).unwrap_err().to_string()
     }
@@ -260,26 +300,38 @@ mod tests {
     #[test]
     fn texts_are_read_in_double_precision_and_any_layout() {
         let facet = [[0.0, 0.0, 0.1], [1.0, 0.0, 0.0], [0.0, 1.5e-3, 0.0]];
-        assert_eq!(read(TEXT.as_bytes()).unwrap(), [facet]);
+        assert_eq!(facets(TEXT.as_bytes()), [facet]);
         let layouts = [
             format!("\u{feff}{TEXT}"),
             TEXT.replace('\n', "\r\n"),
+            TEXT.replace('\n', "\r"),
             TEXT.to_uppercase().replace("NAN", "-nan(ind)"),
             TEXT.replace(" two words", ""),
         ];
         for layout in layouts {
-            assert_eq!(read(layout.as_bytes()).unwrap(), [facet], "{layout}");
+            assert_eq!(facets(layout.as_bytes()), [facet], "{layout}");
         }
-        assert_eq!(read(TEXT.repeat(2).as_bytes()).unwrap(), [facet; 2]);
+        assert_eq!(facets(TEXT.repeat(2).as_bytes()), [facet; 2]);
     }
 
     #[test]
     fn a_binary_file_may_begin_like_a_text() {
         let corners = [0.0, 0.0, 0.5, 1.0, 0.0, 0.0, 0.0, 1.5, 0.0];
         for header in ["solid facet", "", "COLOR="] {
-            let facets = read(&binary_file(header.as_bytes(), 1, &[corners])).unwrap();
-            assert_eq!(facets, [[[0.0, 0.0, 0.5], [1.0, 0.0, 0.0], [0.0, 1.5, 0.0]]]);
+            let read = facets(&binary_file(header.as_bytes(), 1, &[corners]));
+            assert_eq!(read, [[[0.0, 0.0, 0.5], [1.0, 0.0, 0.0], [0.0, 1.5, 0.0]]]);
         }
+    }
+
+    #[test]
+    fn harmless_departures_are_noted() {
+        let corners = [0.0, 0.0, 0.5, 1.0, 0.0, 0.0, 0.0, 1.5, 0.0];
+        let mut longer = binary_file(b"", 1, &[corners]);
+        longer.push(0);
+        let file = read(&longer).unwrap();
+        assert_eq!((file.triangles.len(), file.notes), (1, vec![StlNote::Trailing { bytes: 1 }]));
+        let unclosed = read(TEXT.split("endsolid").next().unwrap().as_bytes()).unwrap();
+        assert_eq!((unclosed.triangles.len(), unclosed.notes), (1, vec![StlNote::Unclosed]));
     }
 
     #[test]
@@ -291,8 +343,8 @@ mod tests {
             "the header announces 4294967295 facets, which take 214748364834 bytes, but the file has 134"
         );
         assert!(message(&binary_file(b"solid", 2, &[corners])).contains("announces 2 facets"));
-        let mut longer = binary_file(b"", 1, &[corners]);
-        longer.push(0);
+        // Whole facets beyond the announced ones: the count is wrong.
+        let longer = binary_file(b"", 1, &[corners; 2]);
         assert!(message(&longer).contains("announces 1 facet, which takes 134 bytes"));
         assert_eq!(message(&binary_file(b"", 0, &[])), "the file has no facets");
         let mut strange = corners;

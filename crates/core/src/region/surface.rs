@@ -9,6 +9,7 @@ mod error;
 mod facets;
 mod inside;
 mod neighbours;
+mod thickened;
 mod triangle;
 mod weld;
 
@@ -22,6 +23,7 @@ use triangle::volume;
 
 pub use error::{EdgeReport, FacetReport, SurfaceError};
 pub(crate) use neighbours::Neighbours;
+pub use thickened::{NotOneSided, thickened};
 pub use triangle::Triangle;
 
 /// Largest magnitude of a coordinate; larger ones could overflow in the exact predicates.
@@ -37,14 +39,16 @@ pub struct Surface {
     volume: f64,
     shells: usize,
     welded: usize,
+    dropped: usize,
 }
 
 impl Surface {
     /// Builds the surface from triangles in any order, each with its corners counterclockwise as seen from outside,
     /// [length].
     ///
-    /// Corners with equal coordinates count as one corner. If edges remain open, corners at these edges are merged
-    /// within 10⁻⁶ of the size of the surface; see [`Surface::welded`]. An inside-out surface is refused rather than
+    /// Corners with equal coordinates count as one corner. Facets without area are removed, and the facets beyond their
+    /// longest sides divided; see [`Surface::dropped`]. If edges remain open, corners at these edges are merged within
+    /// 10⁻⁶ of the size of the surface; see [`Surface::welded`]. An inside-out surface is refused rather than
     /// reversed, because it might be a cavity whose outer body is missing.
     ///
     /// # Errors
@@ -52,11 +56,16 @@ impl Surface {
     pub fn new(triangles: &[Triangle]) -> Result<Self, SurfaceError> {
         check_numbers(triangles)?;
         let mut facets = weld::by_equality(triangles);
-        check_areas(triangles, &facets)?;
+        let dropped = facets.drop_flat();
+        check_areas(&facets)?;
         let mut welded = 0;
         if closed::has_open_edges(&facets.corners) {
             welded = weld::by_distance(&mut facets);
-            check_areas(triangles, &facets)?;
+            // A facet that merging has collapsed had an area: to remove it would change the shape.
+            check_areas(&facets)?;
+        }
+        if facets.corners.len() < 4 {
+            return Err(SurfaceError::TooFewFacets { facets: facets.corners.len() });
         }
         let shells = closed::shells(&facets)?;
         let in_order_of_file = facets.triangles();
@@ -67,7 +76,7 @@ impl Surface {
         let shell_of = tree.ordered(&shells.by_facet);
         inside::check_orientation(&facets, &shells, &ordered, &tree, &shell_of)?;
         let volume = volume(&ordered);
-        Ok(Surface { triangles: ordered, tree, volume, shells: shells.number, welded })
+        Ok(Surface { triangles: ordered, tree, volume, shells: shells.number, welded, dropped })
     }
 
     /// Number of facets.
@@ -83,6 +92,11 @@ impl Surface {
     /// Number of corners at open edges that were merged with others nearby.
     pub fn welded(&self) -> usize {
         self.welded
+    }
+
+    /// Number of facets without area that were removed.
+    pub fn dropped(&self) -> usize {
+        self.dropped
     }
 
     /// The facets, in tree order.
@@ -159,6 +173,9 @@ impl Primitive<3> for Surface {
     }
 }
 
+/// Largest distance over which corners at open edges are merged, relative to the diagonal of the bounds, [-].
+pub const MERGED: f64 = weld::SAME;
+
 fn check_numbers(triangles: &[Triangle]) -> Result<(), SurfaceError> {
     let strange = |t: &Triangle| t.as_flattened().iter().any(|x| !x.is_finite() || x.abs() > LARGEST);
     if triangles.len() < 4 {
@@ -175,15 +192,15 @@ fn check_numbers(triangles: &[Triangle]) -> Result<(), SurfaceError> {
     }
 }
 
-/// Refuses facets with collinear corners; `triangles` is used for the report.
-fn check_areas(triangles: &[Triangle], facets: &Facets) -> Result<(), SurfaceError> {
-    let flat: Vec<usize> = (0..triangles.len())
-        .filter(|&facet| crossing::plane_axis(&facets.triangle(facet)).is_none())
-        .collect();
-    let report = |&facet: &usize| FacetReport { facet: facet + 1, corners: triangles[facet] };
+/// Refuses facets with collinear corners.
+fn check_areas(facets: &Facets) -> Result<(), SurfaceError> {
+    let flat = facets.flat();
     match flat.len() {
         0 => Ok(()),
-        n => Err(SurfaceError::Degenerate { n, first: flat.iter().take(error::SHOWN).map(report).collect() }),
+        n => {
+            let first = flat.iter().take(error::SHOWN).map(|facet| facets.report(*facet)).collect();
+            Err(SurfaceError::Degenerate { n, first })
+        }
     }
 }
 

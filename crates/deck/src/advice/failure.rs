@@ -155,7 +155,10 @@ fn advice(kind: Kind, at: &Circumstances, means: &Means) -> &'static str {
             "give the stiffest material a modulus that is at most about 1e6 times that of the softest, or, to model a rigid \
              part, prescribe its motion with a boundary condition"
         }
-        Kind::Setting => at.obstacle.map_or("see the message", against),
+        Kind::Setting => at.obstacle.map_or(
+            "change what the error names, which no step size removes (`reason` in `summary.json`)",
+            against,
+        ),
         Kind::Unknown => {
             "use smaller steps (`steps: {count, smallest}`), and check that loads and boundary conditions do not contradict \
              each other"

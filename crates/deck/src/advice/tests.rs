@@ -186,7 +186,10 @@ fn advice_on_failures_depends_on_the_circumstances() {
     }
     let memory = Circumstances { obstacle: Some(Obstacle::Memory), ..of };
     assert!(against_kind(Kind::Setting, memory).ends_with("`solver: {linear: iterative}`"));
-    assert_eq!(against_kind(Kind::Setting, of), "see the message");
+    assert_eq!(
+        against_kind(Kind::Setting, of),
+        "change what the error names, which no step size removes (`reason` in `summary.json`)"
+    );
 }
 
 /// A deck whose top is pushed down by nodes of a structured grid.

@@ -8,7 +8,7 @@ use crate::placing;
 use crate::quoting::{quote, rounded};
 use crate::references::{Noun, existing};
 use crate::region::DeckRegion;
-use crate::{AXES, BoundaryConditionDeck, NodeSelector};
+use crate::{AXES, BoundaryConditionDeck, GroupDeck, NodeSelector};
 use mpm_core::grid::{Grid, Lines};
 use mpm_core::model::NodeSet;
 use mpm_core::points::Points;
@@ -25,6 +25,40 @@ impl<const D: usize> Builder<'_, D>
 where
     Region<D>: DeckRegion<D>,
 {
+    /// The nodes of a physical group; reports an error if there is no such group, or several.
+    pub(super) fn nodes_of_group(
+        &mut self,
+        grid: &dyn Grid<D>,
+        group: &GroupDeck,
+        pointer: &str,
+    ) -> Option<Vec<u32>> {
+        let (name, all) = (group.name(), grid.node_sets_named(group.name()));
+        let wanted = |dimension: u8| group.dimension().is_none_or(|stated| stated == dimension);
+        let found: Vec<&(u8, &[u32])> = all.iter().filter(|(dimension, _)| wanted(*dimension)).collect();
+        let (message, help) = match (found.as_slice(), all.as_slice()) {
+            ([(_, nodes)], _) => return Some(nodes.to_vec()),
+            ([], [(exists, _), ..]) => (
+                format!("the physical group {} has the dimension {exists}", quote(name)),
+                format!("give `dimension: {exists}`, or the name alone"),
+            ),
+            ([], []) => placing::unknown_group(grid, name, false),
+            (several, _) => {
+                let candidates: Vec<String> = several
+                    .iter()
+                    .map(|(dimension, nodes)| {
+                        format!("`{{dimension: {dimension}, name: {name}}}` ({} nodes)", nodes.len())
+                    })
+                    .collect();
+                (
+                    format!("{} physical groups are called {}", several.len(), quote(name)),
+                    format!("say which one is meant: {}", candidates.join(" or ")),
+                )
+            }
+        };
+        self.error("D031", pointer, message, help);
+        None
+    }
+
     /// The nodes that a boundary condition selects; reports an error if there are none.
     pub(super) fn nodes(
         &mut self,
@@ -40,16 +74,9 @@ where
         if let Some(body) = outer_layer {
             return NodeSet::OuterLayer(self.body_number(body) as u16);
         }
-        if let Some(name) = group {
+        if let Some(group) = group {
             let pointer = format!("{pointer}/nodes/group");
-            return NodeSet::Fixed(match grid.node_set(name) {
-                Some(nodes) => nodes.to_vec(),
-                None => {
-                    let (message, help) = placing::unknown_group(grid, name, false);
-                    self.error("D031", &pointer, message, help);
-                    Vec::new()
-                }
-            });
+            return NodeSet::Fixed(self.nodes_of_group(grid, group, &pointer).unwrap_or_default());
         }
         let mut off_line = false;
         for (axis, coordinate) in coordinates.iter().enumerate().take(D) {

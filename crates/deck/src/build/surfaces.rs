@@ -10,7 +10,6 @@ use mpm_core::surface::{Part, Surface};
 use super::Builder;
 use crate::diagnostic::{Diagnostic, Severity};
 use crate::per_axis::array;
-use crate::placing;
 use crate::quoting::quote;
 use crate::region::{DeckRegion, Regions};
 use crate::{BoxDeck, HalfSpaceDeck, Idealisation, PartDeck, SurfaceDeck};
@@ -158,13 +157,8 @@ where
         surface: &SurfaceDeck,
         pointer: &str,
     ) -> Result<Option<Vec<u32>>, ()> {
-        let Some(name) = surface.part.as_ref().and_then(|part| part.group.as_ref()) else { return Ok(None) };
-        let Some(nodes) = grid.node_set(name) else {
-            let (message, help) = placing::unknown_group(grid, name, false);
-            self.error("D031", &format!("{pointer}/part/group"), message, help);
-            return Err(());
-        };
-        let mut nodes = nodes.to_vec();
+        let Some(group) = surface.part.as_ref().and_then(|part| part.group.as_ref()) else { return Ok(None) };
+        let mut nodes = self.nodes_of_group(grid, group, &format!("{pointer}/part/group")).ok_or(())?;
         nodes.sort_unstable();
         Ok(Some(nodes))
     }

@@ -3,12 +3,13 @@
 use std::sync::Arc;
 
 use mpm_core::region::surface::Triangle;
-use mpm_core::region::{Ball, Brick, Frustum, Region};
+use mpm_core::region::{Ball, Brick, Frustum, Motion, Region};
 use mpm_core::tool::{
     ClosedPolygon, Extrusion, HalfSpace, Revolution, Section, Shape, ShapeError, TriangulatedSurface, Wall,
 };
 
 use crate::per_axis::array;
+use crate::region::placed;
 use crate::tools::ToolShape;
 
 /// The shape of a tool, or the reason why there is none.
@@ -76,10 +77,18 @@ impl DeckTool<3> for Region<3> {
                 let ends = [from - about[axis], to - about[axis]];
                 shaped(Extrusion::new(polygon.iter().map(corner).collect(), axis, ends))
             }
-            ToolShape::Stl { scale, at: origin, .. } => {
+            ToolShape::Stl { scale, rotate, at: origin, .. } => {
                 let origin: [f64; 3] = origin.as_ref().map_or([0.0; 3], |x| array(x));
                 let scale = scale.unwrap_or(1.0);
-                let moved = |x: [f64; 3]| std::array::from_fn(|d| scale * x[d] + origin[d] - about[d]);
+                let turned = match rotate.as_deref().map(|rotate| placed(None, Some(rotate), None)) {
+                    Some(Ok(turned)) => turned,
+                    Some(Err(error)) => return Some(Err(error.into())),
+                    None => Motion::identity(),
+                };
+                let moved = |x: [f64; 3]| {
+                    let x = if rotate.is_some() { turned.apply(&x) } else { x };
+                    std::array::from_fn(|d| scale * x[d] + origin[d] - about[d])
+                };
                 let moved: Vec<Triangle> = triangles.iter().map(|t| t.map(moved)).collect();
                 shaped(TriangulatedSurface::new(&moved))
             }

@@ -13,7 +13,7 @@ use crate::formulas::at_time;
 use crate::loads::load_curve;
 use crate::per_axis::array;
 use crate::quoting::quote;
-use crate::region::{DeckRegion, FromFiles, Given, Groups};
+use crate::region::{DeckRegion, FromFiles, Groups};
 use crate::span::escape;
 use crate::tool_shapes::DeckTool;
 use crate::tools::{ContactDeck, FreeDeck, FrictionDeck, ToolDeck, ToolPartDeck, ToolShape, Turn};
@@ -51,9 +51,13 @@ where
                 let (directory, source) = (self.loaded.directory.as_path(), &self.loaded.source);
                 let mut given =
                     FromFiles { grid, directory, source, groups: Groups::default(), found: Vec::new() };
-                let surface = given.surface(&at, file);
+                let layer = match &deck.shape {
+                    ToolShape::Stl { thickness, scale, .. } => thickness.map(|t| t / scale.unwrap_or(1.0)),
+                    _ => None,
+                };
+                let triangles = given.sides(&at, file, layer);
                 self.found.extend(given.found);
-                surface?.triangles().to_vec()
+                triangles?
             }
         };
         let revolved = self.loaded.deck.analysis.idealisation == Idealisation::Axisymmetric;

@@ -3,6 +3,7 @@
 //! The schema finds all faults at once; the messages are written here, since those of the validator are about schemas,
 //! not decks.
 
+mod elsewhere;
 mod remedy;
 mod words;
 
@@ -166,17 +167,28 @@ impl Gate<'_> {
     fn unknown_keys(&mut self, pointer: &str, unexpected: &[Cow<str>], allowed: &[String]) {
         for key in unexpected {
             let at = format!("{pointer}/{}", escape(key));
-            let mut diagnostic =
-                Diagnostic::at_key(self.source, "D006", &at, format!("unknown key {}", quote(key)));
             let keys: Vec<&str> = allowed.iter().map(String::as_str).collect();
-            diagnostic.expected = Some(format!("one of the keys {}", alternatives(allowed)));
             let best = closest(key, keys.iter().copied());
+            let instead = elsewhere::instead_of(key).filter(|_| best.is_none());
+            let message = match instead {
+                Some(_) => format!("{} is not available yet", quote(key)),
+                None => format!("unknown key {}", quote(key)),
+            };
+            let mut diagnostic = Diagnostic::at_key(self.source, "D006", &at, message);
+            diagnostic.expected = Some(format!("one of the keys {}", alternatives(allowed)));
             let meant = best.map(str::to_owned);
             self.unknown.push(UnknownKey { parent: pointer.to_owned(), key: key.to_string(), meant });
             self.meant.extend(best.map(|best| format!("{pointer}/{best}")));
-            diagnostic.help = Some(if best.is_none() && key.bytes().all(|b| b.is_ascii_digit()) {
+            diagnostic.help = Some(if let Some(instead) = instead {
+                instead.to_owned()
+            } else if best.is_none()
+                && key.bytes().next().is_some_and(|b| b.is_ascii_digit())
+                && is_number(key)
+            {
                 let known = existing(KEYS, &keys);
-                format!("a comma separates entries and does not group digits; {known}")
+                format!(
+                    "a comma separates entries and neither groups digits nor begins decimals: write 0.5, not 0,5; {known}"
+                )
             } else {
                 known_names(KEYS, key, &keys)
             });
@@ -257,6 +269,11 @@ impl Gate<'_> {
             self.found.push(diagnostic.expected(choices).help(help));
         }
     }
+}
+
+/// True for a number, such as the digits that a comma has cut off another one.
+fn is_number(key: &str) -> bool {
+    key.trim().replace(['d', 'D'], "e").parse::<f64>().is_ok()
 }
 
 /// The axes in a word such as `xy`, separated by commas; `None` if the word contains anything else.

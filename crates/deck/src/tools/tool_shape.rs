@@ -112,20 +112,29 @@ pub enum ToolShape {
         #[schemars(extend("examples" = [3]))]
         to: f64,
     },
-    /// A closed triangulated surface, in space.
+    /// A triangulated surface, in space: closed, or open with all its facets looking to one side.
     Stl {
-        /// Path of an STL file, text or binary, relative to the deck. Its surface must be closed and must not cross
-        /// itself.
+        /// Path of an STL file, text or binary, relative to the deck. Its surface must not cross itself.
         #[schemars(length(min = 1), extend("examples" = ["anchor.stl"]))]
         file: String,
         /// Factor by which the coordinates in the file are multiplied, [-]; 1 by default.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [0.001]))]
         scale: Option<f64>,
+        /// Rotation about the origin of the file, [degree]: a vector along the axis, whose length is the angle; none by
+        /// default.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(with = "Option<Vector>", extend("examples" = [[0, 0, 90]]))]
+        rotate: Option<Vec<f64>>,
         /// Position of the origin of the file, [length]; the origin of coordinates by default.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(with = "Option<Vector>", extend("examples" = [[2, 2, 5]]))]
         at: Option<Vec<f64>>,
+        /// Thickness of the tool behind an open surface, [length]: terrain or a wall, whose facets look to the side of
+        /// the bodies; by default a tenth of the diagonal of its bounds. A closed surface has none.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [0.5]))]
+        thickness: Option<f64>,
     },
 }
 

@@ -14,7 +14,11 @@ use super::units::{Naming, Quantity};
 /// The unit names for these runs.
 pub(super) fn naming(runs: &[Run], options: &Options) -> Naming {
     let per_thickness = runs.iter().all(|run| run.is_plane() && !run.is_revolved());
-    Naming { units: options.units.clone(), per_thickness }
+    // Runs that are compared may have different units; then numbers keep the names of their quantities.
+    let mut stated = runs.iter().map(|run| run.deck.as_ref().and_then(mpm_deck::Deck::units));
+    let first = stated.next().flatten();
+    let shared = first.filter(|first| stated.all(|units| units.as_ref() == Some(first)));
+    Naming { units: options.units.clone().or(shared), per_thickness }
 }
 
 /// The state of a run in words.
@@ -212,6 +216,43 @@ pub(super) fn with_unit(value: f64, quantity: Quantity, naming: &Naming) -> Stri
     let unit = naming.unit(quantity);
     let unit = if unit.is_empty() { unit } else { format!("\u{a0}{}", escape(&unit)) };
     format!("{}{unit}", html(value, 5))
+}
+
+/// The kind of quantity of a number of a material or load in a deck, as [`Units::named`] knows it; `None` for numbers
+/// without a unit.
+fn kind_of(key: &str) -> Option<&'static str> {
+    Some(match key {
+        "young"
+        | "shear_modulus"
+        | "cohesion"
+        | "residual_cohesion"
+        | "tensile_strength"
+        | "yield_stress"
+        | "deviatoric_yield_stress"
+        | "undrained_strength"
+        | "hardening_modulus"
+        | "reference_pressure"
+        | "pressure"
+        | "traction" => "stress",
+        "density" => "density",
+        "acceleration" => "acceleration",
+        _ => return None,
+    })
+}
+
+/// The entries of a material or load in words, with the units that the deck states.
+pub(super) fn in_units(value: &Value, naming: &Naming) -> String {
+    let (Some(units), Value::Object(map)) = (&naming.units, value) else { return in_words(value) };
+    let entry = |(key, value): (&String, &Value)| {
+        let one = Value::Object([(key.clone(), value.clone())].into_iter().collect());
+        let unit = kind_of(key).filter(|_| !value.is_object()).and_then(|kind| units.named(kind));
+        format!(
+            "{}{}",
+            in_words(&one),
+            unit.map(|unit| format!("\u{a0}{}", escape(&unit))).unwrap_or_default()
+        )
+    };
+    map.iter().filter(|(_, value)| !value.is_null()).map(entry).collect::<Vec<_>>().join(", ")
 }
 
 /// The entries of a deck in words: `key value, key value`, in HTML.

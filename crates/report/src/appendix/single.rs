@@ -16,8 +16,8 @@ use super::picture::Gallery;
 use super::run::Run;
 use super::scene::Scene;
 use super::sections::{
-    banner, foot, in_words, largest_residual, machine, messages, naming, program, started, steps_in_words,
-    title_block, wall_time, warnings, with_unit,
+    banner, foot, in_units, in_words, largest_residual, machine, messages, naming, program, started,
+    steps_in_words, title_block, wall_time, warnings, with_unit,
 };
 use super::stages;
 use super::strength;
@@ -29,7 +29,7 @@ pub(super) fn page(run: &Run, options: &Options) -> Result<String, ReportError> 
     let naming = naming(std::slice::from_ref(run), options);
     let mut page = Page::default();
     outcome(&mut page, run, &naming);
-    model(&mut page, run);
+    model(&mut page, run, &naming);
     load_and_displacement(&mut page, run, &naming);
     tools::section(&mut page, run, &naming);
     strength::section(&mut page, run, &naming)?;
@@ -200,7 +200,7 @@ fn end_of_run(page: &mut Page, run: &Run, naming: &Naming) {
     page.table(&caption, &table_by_axis("Probe", &axes, Quantity::Length, probes, Vec::new(), naming));
 }
 
-fn model(page: &mut Page, run: &Run) {
+fn model(page: &mut Page, run: &Run, naming: &Naming) {
     let Some(deck) = &run.deck else { return };
     page.section("Model");
     let value = serde_json::to_value(deck).unwrap_or_default();
@@ -231,7 +231,7 @@ fn model(page: &mut Page, run: &Run) {
         materials.row([
             Cell::name(name),
             named(material, "model"),
-            Cell::Html(in_words(&without(material, &["model"]))),
+            Cell::Html(in_units(&without(material, &["model"]), naming)),
         ]);
     }
     page.table("Materials.", &materials);
@@ -248,7 +248,7 @@ fn model(page: &mut Page, run: &Run) {
     let mut loads = Table::new(["Load", "Kind", "Values at load factor 1"]);
     for load in value["loads"].as_array().into_iter().flatten() {
         let rest = without(load, &["name", "type"]);
-        loads.row([named(load, "name"), named(load, "type"), Cell::Html(in_words(&rest))]);
+        loads.row([named(load, "name"), named(load, "type"), Cell::Html(in_units(&rest, naming))]);
     }
     page.table("Loads.", &loads);
     tools::given(page, &value);

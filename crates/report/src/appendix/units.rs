@@ -1,6 +1,6 @@
 //! Units of numbers: those given by the user, otherwise the names of quantities.
 
-use std::str::FromStr;
+pub use mpm_files::units::Units;
 
 /// The quantity that a number measures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -32,7 +32,12 @@ impl Quantity {
     pub fn from_field(name: &str) -> Option<Quantity> {
         Some(match name {
             "displacement" => Quantity::Length,
-            "cauchy_stress" | "von_mises_stress" | "pressure" => Quantity::Stress,
+            "cauchy_stress"
+            | "von_mises_stress"
+            | "pressure"
+            | "pressure_smoothed"
+            | "principal_stress"
+            | "maximum_shear_stress" => Quantity::Stress,
             "volume" => Quantity::Volume,
             "deformation_gradient" | "J" | "elastic_strain" | "plastic_strain" => Quantity::Number,
             // History variables of laws; work per volume has the unit of stress.
@@ -41,67 +46,6 @@ impl Quantity {
             "equivalent_plastic_strain" | "body_id" | "material_id" | "point_id" => Quantity::Number,
             _ => return None,
         })
-    }
-}
-
-/// The unit system of a deck.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Units {
-    length: String,
-    force: String,
-    time: String,
-}
-
-impl FromStr for Units {
-    type Err = String;
-
-    /// Reads `LENGTH,FORCE,TIME`, for example `m,kN,s`.
-    fn from_str(text: &str) -> Result<Units, String> {
-        let parts: Vec<&str> = text.split(',').map(str::trim).collect();
-        let is_unit = |part: &&str| !part.is_empty() && part.chars().count() <= 8;
-        match parts[..] {
-            [length, force, time] if parts.iter().all(is_unit) => {
-                Ok(Units { length: length.to_owned(), force: force.to_owned(), time: time.to_owned() })
-            }
-            _ => Err("expected the units of length, force and time, for example m,kN,s".to_owned()),
-        }
-    }
-}
-
-impl Units {
-    /// Unit of stress: force per area.
-    fn stress(&self) -> String {
-        let named = [
-            ("m", "N", "Pa"),
-            ("m", "kN", "kPa"),
-            ("m", "MN", "MPa"),
-            ("mm", "N", "MPa"),
-            ("mm", "kN", "GPa"),
-        ];
-        let found =
-            named.iter().find(|(length, force, _)| (*length, *force) == (&*self.length, &*self.force));
-        found
-            .map_or_else(|| format!("{}/{}²", self.force, self.length), |(_, _, stress)| (*stress).to_owned())
-    }
-
-    /// Unit of energy: force times length.
-    fn energy(&self) -> String {
-        let named =
-            [("m", "N", "J"), ("m", "kN", "kJ"), ("m", "MN", "MJ"), ("mm", "N", "mJ"), ("mm", "kN", "J")];
-        let found =
-            named.iter().find(|(length, force, _)| (*length, *force) == (&*self.length, &*self.force));
-        found.map_or_else(|| format!("{} {}", self.force, self.length), |(_, _, energy)| (*energy).to_owned())
-    }
-
-    /// Unit of mass: force per acceleration.
-    fn mass(&self) -> String {
-        let named =
-            [("m", "N", "kg"), ("m", "kN", "t"), ("m", "MN", "kt"), ("mm", "N", "t"), ("mm", "kN", "kt")];
-        let found = named
-            .iter()
-            .find(|(length, force, _)| (*length, *force, "s") == (&*self.length, &*self.force, &*self.time));
-        let other = || format!("{} {}²/{}", self.force, self.time, self.length);
-        found.map_or_else(other, |(_, _, mass)| (*mass).to_owned())
     }
 }
 
@@ -131,16 +75,14 @@ impl Naming {
             (None, Quantity::Mass) => per_thickness("mass".to_owned(), "length"),
             (None, Quantity::Moment) => per_thickness("force·length".to_owned(), "length"),
             (None, Quantity::Time) => "time".to_owned(),
-            (Some(units), Quantity::Length) => units.length.clone(),
-            (Some(units), Quantity::Force) => per_thickness(units.force.clone(), &units.length),
+            (Some(units), Quantity::Length) => units.length().to_owned(),
+            (Some(units), Quantity::Force) => per_thickness(units.force().to_owned(), units.length()),
             (Some(units), Quantity::Stress) => units.stress(),
-            (Some(units), Quantity::Energy) => per_thickness(units.energy(), &units.length),
-            (Some(units), Quantity::Volume) => per_thickness(format!("{}³", units.length), &units.length),
-            (Some(units), Quantity::Mass) => per_thickness(units.mass(), &units.length),
-            (Some(units), Quantity::Moment) => {
-                per_thickness(format!("{}·{}", units.force, units.length), &units.length)
-            }
-            (Some(units), Quantity::Time) => units.time.clone(),
+            (Some(units), Quantity::Energy) => per_thickness(units.energy(), units.length()),
+            (Some(units), Quantity::Volume) => per_thickness(units.volume(), units.length()),
+            (Some(units), Quantity::Mass) => per_thickness(units.mass(), units.length()),
+            (Some(units), Quantity::Moment) => per_thickness(units.moment(), units.length()),
+            (Some(units), Quantity::Time) => units.time().to_owned(),
         }
     }
 
@@ -184,7 +126,7 @@ mod tests {
         assert_eq!(plane.unit(Quantity::Stress), "kPa");
         assert_eq!(plane.unit(Quantity::Mass), "t/m");
         let other = naming("ft, lbf, s", false);
-        assert_eq!(other.unit(Quantity::Stress), "lbf/ft²");
+        assert_eq!(other.unit(Quantity::Stress), "psf");
         assert_eq!(other.unit(Quantity::Energy), "lbf ft");
         assert_eq!(other.label("J", Quantity::Number, -12), "J [10⁻¹²]");
         assert_eq!(Naming::default().label("pressure", Quantity::Stress, 0), "pressure [stress]");

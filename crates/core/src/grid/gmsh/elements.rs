@@ -2,10 +2,11 @@
 
 use std::collections::{BTreeMap, HashMap};
 
+use super::Version;
 use super::entity::{Element, EntityGroups, GroupKey};
 use super::error::GmshError;
-use super::kinds::{ElementKind, name_and_nodes};
-use super::nodes::{Nodes, total_22, totals_41};
+use super::kinds::{ElementKind, MOST_NODES, name_and_nodes};
+use super::nodes::{Nodes, total_2, totals_4};
 use super::reader::{Encoding, Reader};
 
 /// Elements and their distinct sets of groups.
@@ -15,6 +16,46 @@ pub(super) struct Elements {
     pub(super) group_sets: Vec<Vec<GroupKey>>,
     /// Name in gmsh and number of elements of each unsupported type.
     pub(super) unsupported: BTreeMap<&'static str, usize>,
+    /// What reading by the corners lost.
+    pub(super) straightened: Option<Straightened>,
+}
+
+/// What was lost by reading elements of a higher order by their corners.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Straightened {
+    /// Name in gmsh and number of elements of each such type.
+    pub kinds: Vec<(&'static str, usize)>,
+    /// Largest distance of a node of an edge of the second order from the middle of its edge, [length].
+    pub farthest: f64,
+    /// Its ratio to the length of that edge, [-].
+    pub relative: f64,
+    /// Whether elements of an order above the second are among them, whose distance is unknown.
+    pub unknown: bool,
+}
+
+impl Straightened {
+    fn add(&mut self, nodes: &Nodes, kind: Type, members: &[u32]) {
+        match self.kinds.iter_mut().find(|(name, _)| *name == kind.name) {
+            Some((_, n)) => *n += 1,
+            None => self.kinds.push((kind.name, 1)),
+        }
+        let Some(edges) = kind.kind.filter(|kind| kind.has_middles(members.len())).map(ElementKind::edges)
+        else {
+            self.unknown = true;
+            return;
+        };
+        let corners = kind.kind.map_or(0, ElementKind::n_nodes);
+        for (ends, middle) in edges.iter().zip(&members[corners..]) {
+            let [a, b] = ends.map(|k| nodes.positions[members[k] as usize]);
+            let x = nodes.positions[*middle as usize];
+            let square = |of: &dyn Fn(usize) -> f64| (0..3).map(|d| of(d) * of(d)).sum::<f64>().sqrt();
+            let distance = square(&|d| x[d] - 0.5 * (a[d] + b[d]));
+            if distance > self.farthest {
+                self.farthest = distance;
+                self.relative = distance / square(&|d| b[d] - a[d]);
+            }
+        }
+    }
 }
 
 /// An element type; its kind is `None` if the type is not supported.
@@ -53,8 +94,9 @@ impl Elements {
             *self.unsupported.entry(kind.name).or_default() += 1;
             return Ok(None);
         };
-        let mut element = Element { tag, kind: usable, nodes: [0; 8], group_set: 0 };
-        for entry in &mut element.nodes[..kind.n_nodes] {
+        let mut members = [0; MOST_NODES];
+        let members = &mut members[..kind.n_nodes];
+        for entry in &mut *members {
             let node = number(reader)?;
             let location = || reader.location();
             *entry = nodes.find(node).ok_or_else(|| GmshError::UnknownNode {
@@ -63,32 +105,45 @@ impl Elements {
                 node,
             })?;
         }
+        let corners = usable.n_nodes();
+        if members.len() > corners {
+            self.straightened.get_or_insert_default().add(nodes, kind, members);
+        }
+        let mut element = Element { tag, kind: usable, nodes: [0; 8], group_set: 0 };
+        element.nodes[..corners].copy_from_slice(&members[..corners]);
         Ok(Some(element))
     }
 }
 
-/// Reads `$Elements` of format 4.1.
-pub(super) fn read_41(
+/// Reads `$Elements` of format 4.
+pub(super) fn read_4(
     reader: &mut Reader<'_>,
+    version: Version,
     nodes: &Nodes,
     entities: &EntityGroups,
 ) -> Result<Elements, GmshError> {
-    let (blocks, total) = totals_41(reader, "elements")?;
+    let (blocks, total) = totals_4(reader, version, "elements")?;
     let mut all = Elements::default();
     let mut sets = SetNumbers::default();
     let mut found = 0;
     for _ in 0..blocks {
-        let dimension = reader.int("an entity dimension")?;
-        let entity = reader.int("an entity number")?;
+        let first = reader.int("an entity dimension or number")?;
+        let second = reader.int("an entity number or dimension")?;
+        let (dimension, entity) = if version == Version::V40 { (second, first) } else { (first, second) };
         let kind = Type::read(reader)?;
         let n = reader.size("the number of elements")?;
         let n = reader.count_of(n, "elements", 1 + kind.n_nodes)?;
         let key = u8::try_from(dimension).map(|d| (d, entity));
         let groups = key.ok().and_then(|key| entities.get(&key)).map_or(&[][..], |groups| groups);
         let group_set = sets.number(groups);
+        // Format 4.0 writes the numbers of elements and nodes as signed integers.
+        let number = |reader: &mut Reader<'_>, expected| match version {
+            Version::V40 => reader.natural(expected),
+            _ => reader.size(expected),
+        };
         for _ in 0..n {
-            let tag = reader.size("an element number")?;
-            let element = all.nodes(reader, nodes, kind, tag, |r| r.size("a node number"))?;
+            let tag = number(reader, "an element number")?;
+            let element = all.nodes(reader, nodes, kind, tag, |r| number(r, "a node number"))?;
             all.elements.extend(element.map(|element| Element { group_set, ..element }));
         }
         found += n;
@@ -100,12 +155,12 @@ pub(super) fn read_41(
     Ok(all)
 }
 
-/// Reads `$Elements` of format 2.2.
+/// Reads `$Elements` of format 2.
 ///
 /// The format stores one group per element; gmsh repeats elements that belong to several groups. Elements with the same
 /// nodes are merged.
-pub(super) fn read_22(reader: &mut Reader<'_>, nodes: &Nodes) -> Result<Elements, GmshError> {
-    let n = total_22(reader, "elements", 3)?;
+pub(super) fn read_2(reader: &mut Reader<'_>, nodes: &Nodes) -> Result<Elements, GmshError> {
+    let n = total_2(reader, "elements", 3)?;
     let mut all = Elements::default();
     let mut known: HashMap<(ElementKind, [u32; 8]), u32> = HashMap::new();
     let mut memberships: Vec<(u32, GroupKey)> = Vec::new();
@@ -134,7 +189,7 @@ pub(super) fn read_22(reader: &mut Reader<'_>, nodes: &Nodes) -> Result<Elements
     Ok(all)
 }
 
-/// A block of elements in format 2.2: a single element in a text file, several elements of one type in a binary file.
+/// A block of elements in format 2: a single element in a text file, several elements of one type in a binary file.
 struct Block {
     /// Type and number of tags, if they precede the elements.
     common: Option<(Type, u64)>,

@@ -20,6 +20,16 @@ impl Element {
     pub fn nodes(&self) -> &[u32] {
         &self.nodes[..self.kind.n_nodes()]
     }
+
+    /// Reverses the orientation of the element: the sign of its area or volume changes.
+    pub(crate) fn turn(&mut self) {
+        match self.kind {
+            ElementKind::Point | ElementKind::Line => {}
+            ElementKind::Triangle | ElementKind::Tetrahedron => self.nodes.swap(1, 2),
+            ElementKind::Quadrilateral => self.nodes.swap(1, 3),
+            ElementKind::Hexahedron => self.nodes.rotate_left(4),
+        }
+    }
 }
 
 /// A named set of elements of one dimension.

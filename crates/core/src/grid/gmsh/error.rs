@@ -95,8 +95,8 @@ pub enum GmshError {
         /// The total in the header of the section.
         declared: usize,
     },
-    /// The mesh has elements that are not linear, or not supported.
-    #[error("{}", unsupported(.kinds))]
+    /// The mesh has prisms or pyramids.
+    #[error("prisms and pyramids are not supported, but the file has {}", list(.kinds))]
     Unsupported {
         /// Name in gmsh and number of elements of each such type.
         kinds: Vec<(&'static str, usize)>,
@@ -133,38 +133,12 @@ pub enum GmshError {
         /// Node number.
         node: u64,
     },
-    /// The mesh is partitioned.
-    #[error("{location}: the mesh is partitioned; save it without partitions")]
-    Partitioned {
-        /// Location of the start of the section.
-        location: FileLocation,
-    },
     /// An element belongs to too many physical groups.
     #[error("an element belongs to {count} physical groups, more than {MAX_GROUPS}")]
     TooManyGroups {
         /// Number of groups to which the element belongs.
         count: usize,
     },
-}
-
-fn unsupported(kinds: &[(&'static str, usize)]) -> String {
-    let found = list(kinds);
-    let is_other_shape =
-        |(name, _): &(&'static str, usize)| name.starts_with("Prism") || name.starts_with("Pyramid");
-    if kinds.iter().all(is_other_shape) {
-        format!(
-            "prisms and pyramids are not supported, but the file has {found}; use tetrahedra or hexahedra"
-        )
-    } else if kinds.iter().any(is_other_shape) {
-        format!(
-            "only tetrahedra, hexahedra, triangles and quadrilaterals of order 1 are supported, but the file has \
-             {found}; mesh it without prisms and pyramids, and set the element order to 1 in gmsh"
-        )
-    } else {
-        format!(
-            "only linear elements are supported, but the file has {found}; set the element order to 1 in gmsh"
-        )
-    }
 }
 
 fn list(kinds: &[(&'static str, usize)]) -> String {

@@ -1,6 +1,6 @@
 //! The element types of gmsh.
 
-/// A supported element type; all supported types are linear.
+/// A supported element shape; elements of a higher order are read by their corners.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum ElementKind {
     /// One node.
@@ -39,19 +39,62 @@ impl ElementKind {
         }
     }
 
-    /// The element type with this number in gmsh; `None` if it is not supported.
+    /// The shape of the element type with this number in gmsh; `None` if it is not supported. Elements of all orders
+    /// list their corners first.
     pub(super) fn from_code(code: i32) -> Option<ElementKind> {
-        Some(match code {
-            1 => ElementKind::Line,
-            2 => ElementKind::Triangle,
-            3 => ElementKind::Quadrilateral,
-            4 => ElementKind::Tetrahedron,
-            5 => ElementKind::Hexahedron,
-            15 => ElementKind::Point,
+        let (name, _) = name_and_nodes(code)?;
+        Some(match name.split(' ').next()? {
+            "Point" => ElementKind::Point,
+            "Line" => ElementKind::Line,
+            "Triangle" => ElementKind::Triangle,
+            "Quadrilateral" => ElementKind::Quadrilateral,
+            "Tetrahedron" => ElementKind::Tetrahedron,
+            "Hexahedron" => ElementKind::Hexahedron,
             _ => return None,
         })
     }
+
+    /// The corners at the ends of each edge, in the order in which gmsh lists the nodes of the edges of an element of
+    /// the second order.
+    pub(super) fn edges(self) -> &'static [[usize; 2]] {
+        match self {
+            ElementKind::Point => &[],
+            ElementKind::Line => &[[0, 1]],
+            ElementKind::Triangle => &[[0, 1], [1, 2], [2, 0]],
+            ElementKind::Quadrilateral => &[[0, 1], [1, 2], [2, 3], [3, 0]],
+            ElementKind::Tetrahedron => &[[0, 1], [1, 2], [2, 0], [3, 0], [2, 3], [1, 3]],
+            ElementKind::Hexahedron => &[
+                [0, 1],
+                [0, 3],
+                [0, 4],
+                [1, 2],
+                [1, 5],
+                [2, 3],
+                [2, 6],
+                [3, 7],
+                [4, 5],
+                [4, 7],
+                [5, 6],
+                [6, 7],
+            ],
+        }
+    }
+
+    /// True if an element of this shape with so many nodes is of the second order: a node in the middle of each edge.
+    pub(super) fn has_middles(self, n_nodes: usize) -> bool {
+        match self {
+            ElementKind::Point => false,
+            ElementKind::Line => n_nodes == 3,
+            ElementKind::Triangle => n_nodes == 6,
+            ElementKind::Quadrilateral => matches!(n_nodes, 8 | 9),
+            ElementKind::Tetrahedron => n_nodes == 10,
+            ElementKind::Hexahedron => matches!(n_nodes, 20 | 27),
+        }
+    }
 }
+
+/// Largest number of nodes of an element.
+pub(super) const MOST_NODES: usize = 125;
 
 /// Name and number of nodes of an element type, by its number in gmsh.
 pub(super) fn name_and_nodes(code: i32) -> Option<(&'static str, usize)> {
@@ -117,10 +160,22 @@ mod tests {
 
     #[test]
     fn the_table_of_types_agrees_with_the_kinds() {
-        let kinds =
-            (0..200).filter_map(|code| Some((ElementKind::from_code(code)?, name_and_nodes(code)?.1)));
-        let kinds: Vec<_> = kinds.collect();
-        assert_eq!(kinds.len(), 6);
-        assert!(kinds.iter().all(|(kind, n_nodes)| kind.n_nodes() == *n_nodes));
+        let types: Vec<_> = (0..200).filter_map(name_and_nodes).collect();
+        assert!(types.iter().all(|(_, n_nodes)| *n_nodes <= MOST_NODES));
+        let linear = [(15, 1), (1, 2), (2, 3), (3, 4), (4, 4), (5, 8)];
+        for (code, n_nodes) in linear {
+            assert_eq!(ElementKind::from_code(code).map(ElementKind::n_nodes), Some(n_nodes), "{code}");
+            assert_eq!(name_and_nodes(code).map(|(_, n)| n), Some(n_nodes), "{code}");
+        }
+        // The edges of the elements of the second order follow their corners.
+        for (code, n_nodes) in [(8, 3), (9, 6), (11, 10), (16, 8), (17, 20)] {
+            let kind = ElementKind::from_code(code);
+            assert_eq!(kind.map(|kind| kind.n_nodes() + kind.edges().len()), Some(n_nodes), "{code}");
+            assert!(kind.is_some_and(|kind| kind.has_middles(n_nodes)));
+        }
+        assert!((0..200).filter_map(|code| Some((code, name_and_nodes(code)?))).all(|(code, (name, _))| {
+            ElementKind::from_code(code).is_none()
+                == (name.starts_with("Prism") || name.starts_with("Pyramid"))
+        }));
     }
 }

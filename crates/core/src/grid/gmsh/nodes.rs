@@ -1,5 +1,6 @@
 //! The nodes of a mesh file.
 
+use super::Version;
 use super::error::GmshError;
 use super::reader::{Encoding, Reader};
 
@@ -73,9 +74,9 @@ fn position(reader: &mut Reader<'_>, node: u64) -> Result<[f64; 3], GmshError> {
     }
 }
 
-/// Reads `$Nodes` or `$ParametricNodes` of format 2.2.
-pub(super) fn read_22(reader: &mut Reader<'_>, parametric: bool) -> Result<Nodes, GmshError> {
-    let n = total_22(reader, "nodes", 4)?;
+/// Reads `$Nodes` or `$ParametricNodes` of format 2.
+pub(super) fn read_2(reader: &mut Reader<'_>, parametric: bool) -> Result<Nodes, GmshError> {
+    let n = total_2(reader, "nodes", 4)?;
     let mut positions = Vec::with_capacity(n);
     let mut tags = Vec::with_capacity(n);
     for _ in 0..n {
@@ -94,8 +95,8 @@ pub(super) fn read_22(reader: &mut Reader<'_>, parametric: bool) -> Result<Nodes
     Nodes::new(positions, tags)
 }
 
-/// Reads the number of nodes or elements at the start of a section of format 2.2; it is text even in binary files.
-pub(super) fn total_22(
+/// Reads the number of nodes or elements at the start of a section of format 2; it is text even in binary files.
+pub(super) fn total_2(
     reader: &mut Reader<'_>,
     what: &'static str,
     numbers: usize,
@@ -108,18 +109,24 @@ pub(super) fn total_22(
     Ok(n)
 }
 
-/// Reads the header of `$Nodes` or `$Elements` of format 4.1: the number of blocks and the total number of items.
-pub(super) fn totals_41(reader: &mut Reader<'_>, what: &'static str) -> Result<(usize, usize), GmshError> {
+/// Reads the header of `$Nodes` or `$Elements` of format 4: the number of blocks and the total number of items.
+pub(super) fn totals_4(
+    reader: &mut Reader<'_>,
+    version: Version,
+    what: &'static str,
+) -> Result<(usize, usize), GmshError> {
     let blocks = reader.size("the number of blocks")?;
     let total = reader.size("the number of nodes or elements")?;
-    reader.size("the lowest number")?;
-    reader.size("the highest number")?;
+    if version == Version::V41 {
+        reader.size("the lowest number")?;
+        reader.size("the highest number")?;
+    }
     Ok((reader.count_of(blocks, "blocks", 4)?, reader.count_of(total, what, 1)?))
 }
 
 /// Reads `$Nodes` of format 4.1.
 pub(super) fn read_41(reader: &mut Reader<'_>) -> Result<Nodes, GmshError> {
-    let (blocks, total) = totals_41(reader, "nodes")?;
+    let (blocks, total) = totals_4(reader, Version::V41, "nodes")?;
     let mut positions = Vec::new();
     let mut tags = Vec::new();
     for _ in 0..blocks {
@@ -135,6 +142,32 @@ pub(super) fn read_41(reader: &mut Reader<'_>) -> Result<Nodes, GmshError> {
         }
         for tag in &tags[first..] {
             positions.push(position(reader, *tag)?);
+            for _ in 0..parameters {
+                reader.real("a parameter")?;
+            }
+        }
+    }
+    if tags.len() != total {
+        return Err(GmshError::Total { location: reader.location(), what: "nodes", declared: total });
+    }
+    Nodes::new(positions, tags)
+}
+
+/// Reads `$Nodes` of format 4.0, in which each number precedes its position.
+pub(super) fn read_40(reader: &mut Reader<'_>) -> Result<Nodes, GmshError> {
+    let (blocks, total) = totals_4(reader, Version::V40, "nodes")?;
+    let mut positions = Vec::new();
+    let mut tags = Vec::new();
+    for _ in 0..blocks {
+        reader.int("an entity number")?;
+        let dimension = reader.natural("an entity dimension")?;
+        reader.require(dimension <= 3, "a dimension from 0 to 3", format_args!("`{dimension}`"))?;
+        let parameters = if reader.int("0 or 1")? == 0 { 0 } else { dimension };
+        let n = reader.size("the number of nodes")?;
+        for _ in 0..reader.count_of(n, "nodes", 4)? {
+            let tag = reader.natural("a node number")?;
+            positions.push(position(reader, tag)?);
+            tags.push(tag);
             for _ in 0..parameters {
                 reader.real("a parameter")?;
             }

@@ -99,6 +99,12 @@ impl<'a> Reader<'a> {
         self.token(expected)?.parse().map_err(|_| self.expected(start, expected))
     }
 
+    /// True if a quotation mark follows.
+    pub(super) fn is_quoted(&mut self) -> bool {
+        self.skip_blanks();
+        self.rest().first() == Some(&b'"')
+    }
+
     /// Reads the text between the next quotation mark and the last one on the line. Gmsh has no escape sequences.
     pub(super) fn quoted(&mut self, expected: &'static str) -> Result<String, GmshError> {
         self.skip_blanks();

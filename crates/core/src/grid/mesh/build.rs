@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use super::super::gmsh::{Element, ElementKind, GmshFile};
 use super::cell::Cell;
-use super::{CellReport, Mesh, MeshError, ON_EDGE, Side};
+use super::error::NEARLY_FLAT;
+use super::{CellReport, Mesh, MeshError, MeshWarning, ON_EDGE, Side};
 use crate::grid::ON_LINE;
 use crate::grid::bins::{Bins, Bounds, bounds};
 use crate::grid::element::{ElementShape, MAX_NODES, dot, folds, minus};
@@ -17,6 +18,9 @@ const LISTED: usize = 5;
 /// on the longest edge of the cell.
 const NO_VOLUME: f64 = 1e-10;
 
+/// Range of z of a mesh in the plane that counts as round-off, relative to its extent, [-].
+const FLAT: f64 = 1e-9;
+
 /// Marks a node of the file that no cell uses.
 const UNUSED: u32 = u32::MAX;
 
@@ -27,12 +31,13 @@ impl<const D: usize> Mesh<D> {
     /// Physical groups become sets. Every group yields a set of its nodes. In the plane, curve groups also yield a set
     /// of edges and surface groups a set of cells; in space, surface groups yield a set of faces and volume groups a
     /// set of cells. Elements with a node that no cell uses are ignored, and groups without any other element are
-    /// dropped; groups of equal dimension and name are merged.
+    /// dropped; groups of equal dimension and name are merged. A name that groups of several dimensions share denotes a
+    /// set of nodes only together with a dimension. Cells with a negative volume are turned.
     ///
     /// # Errors
     /// [`MeshError`] if the file contains no valid mesh of dimension `D`.
     pub fn from_gmsh(file: &GmshFile) -> Result<Self, MeshError> {
-        let elements = elements::<D>(file)?;
+        let (elements, notes) = elements::<D>(file)?;
         let cells: Vec<Cell<D>> = elements.iter().map(|element| cell(file, element)).collect();
         check_shapes(&elements, &cells)?;
 
@@ -63,6 +68,7 @@ impl<const D: usize> Mesh<D> {
             volume,
             boundary: Vec::new(),
             node_sets: BTreeMap::new(),
+            nodes_of_groups: BTreeMap::new(),
             side_sets: BTreeMap::new(),
             cell_sets: BTreeMap::new(),
             warnings: Vec::new(),
@@ -71,7 +77,8 @@ impl<const D: usize> Mesh<D> {
         let report = |k: u32| report(&elements[k as usize], &cells[k as usize]);
         mesh.find_boundary(report)?;
         mesh.warnings = mesh.check_fit(report, |node| file.node_tags[kept[node as usize] as usize])?;
-        mesh.find_sets(file, &node_of)?;
+        mesh.warnings.extend(notes);
+        mesh.find_sets(file, &node_of);
         Ok(mesh)
     }
 }
@@ -85,11 +92,14 @@ fn kinds<const D: usize>() -> [ElementKind; 2] {
     }
 }
 
-/// The cells of a file, simplices first.
-fn elements<const D: usize>(file: &GmshFile) -> Result<Vec<Element>, MeshError> {
+/// The cells of a file, simplices first, all counterclockwise (right-handed), and what was done to them.
+///
+/// # Errors
+/// [`MeshError`] if there are none of dimension `D`, or if they do not lie in a plane of constant z.
+fn elements<const D: usize>(file: &GmshFile) -> Result<(Vec<Element>, Vec<MeshWarning>), MeshError> {
     let alike = |kind| file.elements.iter().filter(move |e| e.kind == kind).copied();
     let [simplex, cuboid] = kinds::<D>();
-    let elements: Vec<_> = alike(simplex).chain(alike(cuboid)).collect();
+    let mut elements: Vec<_> = alike(simplex).chain(alike(cuboid)).collect();
     let count = |dimension| file.elements.iter().filter(|e| e.kind.dimension() == dimension).count();
     if D == 2 && count(3) > 0 {
         return Err(MeshError::Solid { n: count(3) });
@@ -97,14 +107,39 @@ fn elements<const D: usize>(file: &GmshFile) -> Result<Vec<Element>, MeshError> 
     if elements.is_empty() {
         return Err(MeshError::NoCells { dimension: D, n_surface: if D == 3 { count(2) } else { 0 } });
     }
+    let mut notes: Vec<_> = file.straightened.clone().map(MeshWarning::Straightened).into_iter().collect();
+    notes.extend(turn::<D>(file, &mut elements));
     if D == 2 {
         let used = elements.iter().flat_map(|cell| cell.nodes()).map(|node| file.nodes[*node as usize]);
         let [low, high] = bounds(used);
-        if high[2] - low[2] > 1e-9 * (high[0] - low[0]).max(high[1] - low[1]) {
-            return Err(MeshError::NotFlat { low: low[2], high: high[2] });
+        let range: [f64; 3] = std::array::from_fn(|d| high[d] - low[d]);
+        let extent = range[0].max(range[1]);
+        let (low, high) = (low[2], high[2]);
+        if range[2] > NEARLY_FLAT * extent {
+            let constant = (0..2).find(|&axis| range[axis] <= NEARLY_FLAT * extent.max(range[2]));
+            return Err(MeshError::NotFlat { low, high, constant });
+        }
+        if range[2] > FLAT * extent {
+            notes.push(MeshWarning::Flattened { low, high });
         }
     }
-    Ok(elements)
+    Ok((elements, notes))
+}
+
+/// Turns the cells with a negative volume, and reports them. Neighbours that a turned cell overlaps are found later.
+fn turn<const D: usize>(file: &GmshFile, elements: &mut [Element]) -> Option<MeshWarning> {
+    let (all, mut n, mut first) = (elements.len(), 0, Vec::new());
+    for element in elements {
+        let cell = cell::<D>(file, element);
+        if cell.shape.volume(&cell) < 0.0 {
+            n += 1;
+            if first.len() < LISTED {
+                first.push(report(element, &cell));
+            }
+            element.turn();
+        }
+    }
+    (n > 0).then_some(MeshWarning::Turned { dimension: D, n, all, first })
 }
 
 fn cell<const D: usize>(file: &GmshFile, element: &Element) -> Cell<D> {
@@ -140,13 +175,6 @@ fn check_shapes<const D: usize>(elements: &[Element], cells: &[Cell<D>]) -> Resu
     let (n, first) = select(&|c| !has_volume(c));
     if n > 0 {
         return Err(MeshError::NoVolume { dimension, n, first });
-    }
-    let (n, first) = select(&|c| c.shape.volume(c) < 0.0);
-    if n == cells.len() {
-        return Err(MeshError::AllInverted { dimension });
-    }
-    if n > 0 {
-        return Err(MeshError::Inverted { dimension, n, first });
     }
     let is_sound = |c: &Cell<D>| match (c.shape, D) {
         (ElementShape::Simplex, _) => true,
@@ -191,7 +219,7 @@ fn inflated<const D: usize>(cell: &Cell<D>) -> Bounds<D> {
 
 impl<const D: usize> Mesh<D> {
     /// Builds the sets of nodes, sides and cells from the physical groups.
-    fn find_sets(&mut self, file: &GmshFile, node_of: &[u32]) -> Result<(), MeshError> {
+    fn find_sets(&mut self, file: &GmshFile, node_of: &[u32]) {
         let mut members = vec![Members::default(); file.groups.len()];
         let mut next = [0, self.n_simplices as u32]; // numbers of the next simplex and the next box
         let [simplex, _] = kinds::<D>();
@@ -217,19 +245,16 @@ impl<const D: usize> Mesh<D> {
                 }
             }
         }
-        let mut dimension_of = BTreeMap::new();
         for (group, members) in file.groups.iter().zip(members).filter(|(_, m)| !m.nodes.is_empty()) {
-            let name = &group.name;
-            let dimension = *dimension_of.entry(name).or_insert(group.dimension);
-            if dimension != group.dimension {
-                let dimensions = [dimension, group.dimension];
-                return Err(MeshError::SharedName { name: name.clone(), dimensions });
-            }
-            add(&mut self.node_sets, name, members.nodes);
+            let (name, dimension) = (&group.name, group.dimension);
+            add(self.nodes_of_groups.entry(name.clone()).or_default(), &dimension, members.nodes);
             add(&mut self.side_sets, name, members.sides);
             add(&mut self.cell_sets, name, members.cells);
         }
-        Ok(())
+        self.node_sets = (self.nodes_of_groups.iter())
+            .filter(|(_, by_dimension)| by_dimension.len() == 1)
+            .filter_map(|(name, by_dimension)| Some((name.clone(), by_dimension.values().next()?.clone())))
+            .collect();
     }
 }
 
@@ -241,10 +266,10 @@ struct Members {
     cells: Vec<u32>,
 }
 
-/// Adds members, if any, to the set with this name. Sets are sorted, without duplicates.
-fn add<T: Ord>(sets: &mut BTreeMap<String, Vec<T>>, name: &str, members: Vec<T>) {
+/// Adds members, if any, to the set with this key. Sets are sorted, without duplicates.
+fn add<K: Ord + Clone, T: Ord>(sets: &mut BTreeMap<K, Vec<T>>, key: &K, members: Vec<T>) {
     if !members.is_empty() {
-        let set = sets.entry(name.to_owned()).or_default();
+        let set = sets.entry(key.clone()).or_default();
         set.extend(members);
         set.sort_unstable();
         set.dedup();

@@ -2,6 +2,10 @@
 
 use crate::counted::counted;
 use crate::grid::ON_LINE;
+use crate::grid::gmsh::Straightened;
+
+/// Largest range of z of a mesh in the plane that is ignored with a note, relative to its extent, [-].
+pub(super) const NEARLY_FLAT: f64 = 1e-6;
 
 /// A cell named in a message.
 #[derive(Debug, Clone, PartialEq)]
@@ -46,12 +50,14 @@ pub enum MeshError {
         n: usize,
     },
     /// The cells do not lie in one plane of constant z.
-    #[error("the mesh is not flat: z ranges from {low} to {high}")]
+    #[error("the mesh is not flat: z ranges from {low} to {high}{}", other_plane(*.constant))]
     NotFlat {
         /// Lowest z of a cell, [length].
         low: f64,
         /// Highest z of a cell, [length].
         high: f64,
+        /// The axis, 0 or 1, along which all cells have one coordinate, if there is one.
+        constant: Option<usize>,
     },
     /// Cells whose volume is negligible relative to the lengths of their edges.
     #[error("{} no {}: {}", counted(*.n, "cell has", "cells have"), measure(*.dimension), list(.first))]
@@ -62,22 +68,6 @@ pub enum MeshError {
         n: usize,
         /// The first of these cells.
         first: Vec<CellReport>,
-    },
-    /// Some cells have negative volume.
-    #[error("{}: {}", inverted(*.dimension, *.n), list(.first))]
-    Inverted {
-        /// Dimension of the analysis.
-        dimension: usize,
-        /// Number of such cells.
-        n: usize,
-        /// The first of these cells.
-        first: Vec<CellReport>,
-    },
-    /// All cells have negative volume.
-    #[error("{}", all_inverted(*.dimension))]
-    AllInverted {
-        /// Dimension of the analysis.
-        dimension: usize,
     },
     /// Quadrilaterals that are not convex, or hexahedra whose map turns inside out somewhere.
     #[error("{}: {}", folded(*.dimension, *.n), list(.first))]
@@ -141,15 +131,6 @@ pub enum MeshError {
         /// The first such tetrahedron and its hexahedron.
         first: [CellReport; 2],
     },
-    /// Groups of different dimensions with the same name, so that the name would not denote a unique set of nodes.
-    #[error("physical groups of dimensions {} and {} are both called `{name}`; give them different names",
-        .dimensions[0], .dimensions[1])]
-    SharedName {
-        /// The name that the groups share.
-        name: String,
-        /// Dimensions of the groups.
-        dimensions: [u8; 2],
-    },
 }
 
 /// A valid but suspicious property of a mesh.
@@ -180,6 +161,36 @@ pub enum MeshWarning {
         /// Positions of the first of these nodes, [length].
         first: Vec<Vec<f64>>,
     },
+    /// Cells whose nodes were in clockwise order, or that were inside out, and have been turned.
+    #[error("{}: {}", turned(*.dimension, *.n, *.all), list(.first))]
+    Turned {
+        /// Dimension of the analysis.
+        dimension: usize,
+        /// Number of such cells.
+        n: usize,
+        /// Number of all cells.
+        all: usize,
+        /// The first of these cells.
+        first: Vec<CellReport>,
+    },
+    /// Cells of a higher order, of which only the corners are used.
+    #[error("{}", straightened(.0))]
+    Straightened(Straightened),
+    /// A mesh in the plane that is not exactly flat; z is ignored.
+    #[error("the mesh is not exactly flat: z ranges from {low} to {high}, and is ignored")]
+    Flattened {
+        /// Lowest z of a cell, [length].
+        low: f64,
+        /// Highest z of a cell, [length].
+        high: f64,
+    },
+}
+
+impl MeshWarning {
+    /// True if the mesh is as good as its author meant it: the reader only says what it did.
+    pub fn is_note(&self) -> bool {
+        !matches!(self, MeshWarning::Unmerged { .. } | MeshWarning::Apart { .. })
+    }
 }
 
 fn tags(nodes: &[u64]) -> String {
@@ -220,17 +231,46 @@ fn measure(dimension: usize) -> &'static str {
     if dimension == 3 { "volume" } else { "area" }
 }
 
-fn inverted(dimension: usize, n: usize) -> String {
-    match dimension {
-        3 => counted(n, "cell is inside out", "cells are inside out"),
-        _ => counted(n, "cell has its nodes in clockwise order", "cells have their nodes in clockwise order"),
-    }
+fn turned(dimension: usize, n: usize, all: usize) -> String {
+    let which = match (n == all, dimension) {
+        (true, 3) => "all cells were inside out and have been turned".to_owned(),
+        (true, _) => "all cells had their nodes in clockwise order and have been turned".to_owned(),
+        (false, 3) => counted(
+            n,
+            "cell was inside out and has been turned",
+            "cells were inside out and have been turned",
+        ),
+        (false, _) => counted(
+            n,
+            "cell had its nodes in clockwise order and has been turned",
+            "cells had their nodes in clockwise order and have been turned",
+        ),
+    };
+    if n == all { format!("{which} ({n})") } else { format!("{which}, of {all}") }
 }
 
-fn all_inverted(dimension: usize) -> &'static str {
-    match dimension {
-        3 => "all cells are inside out; reverse the order of the nodes of the mesh",
-        _ => "all cells have their nodes in clockwise order; reverse the surfaces of the mesh",
+fn straightened(lost: &Straightened) -> String {
+    let kinds: Vec<String> = lost.kinds.iter().map(|(name, n)| format!("{n} × `{name}`")).collect();
+    // Files of text have about ten digits.
+    let farthest = match (lost.unknown, lost.relative > 1e-8) {
+        (true, _) => "how far they lie from straight sides was not measured".to_owned(),
+        (false, false) => "all of them lie in the middle of straight sides, so nothing is lost".to_owned(),
+        (false, true) => format!(
+            "they lie up to {:.3e} from the middle of their sides, {:.2} % of the length of that side",
+            lost.farthest,
+            100.0 * lost.relative
+        ),
+    };
+    format!(
+        "cells are linear: only the corners of {} are used, the nodes between them are dropped; {farthest}",
+        kinds.join(", ")
+    )
+}
+
+fn other_plane(constant: Option<usize>) -> String {
+    match constant {
+        Some(axis) => format!("; it lies in a plane of constant {}", if axis == 0 { "x" } else { "y" }),
+        None => format!(" (a range up to {NEARLY_FLAT:e} of its extent is ignored)"),
     }
 }
 

@@ -50,7 +50,7 @@ pub(super) fn corners_of_open_edges(corners: &[[u32; 3]]) -> Vec<u32> {
 pub(super) fn shells(facets: &Facets) -> Result<Shells, SurfaceError> {
     let facet_edges = facet_edges(&facets.corners);
     let report = |edge: &[FacetEdge]| EdgeReport {
-        facet: edge[0].1 as usize + 1,
+        facet: facets.number(edge[0].1 as usize),
         facets: edge.len(),
         ends: edge[0].0.map(|corner| facets.positions[corner as usize]),
     };

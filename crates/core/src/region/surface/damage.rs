@@ -123,7 +123,7 @@ fn outcome(file: &[u8]) -> String {
     let kind =
         |error: &dyn fmt::Debug| format!("{error:?}").split([' ', '(']).next().unwrap_or_default().to_owned();
     let triangles = match stl::read(file) {
-        Ok(triangles) => triangles,
+        Ok(file) => file.triangles,
         Err(error) => {
             assert!(error.to_string().len() < 500);
             return kind(&error);

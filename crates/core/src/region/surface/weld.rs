@@ -12,12 +12,12 @@ use crate::region::{hull, nothing};
 
 /// Distance within which corners at open edges are merged, relative to the diagonal of the bounds: ten times the
 /// round-off of single precision.
-const SAME: f64 = 1e-6;
+pub(super) const SAME: f64 = 1e-6;
 
 /// Indexes the corners; corners with equal coordinates count as one corner.
 pub(super) fn by_equality(triangles: &[Triangle]) -> Facets {
     let (positions, corners) = indexed(triangles);
-    Facets { positions, corners }
+    Facets { positions, given: (0..corners.len() as u32).collect(), corners }
 }
 
 /// Merges corners that lie at open edges and are close to each other, each into the first corner in its neighbourhood.

@@ -71,6 +71,12 @@ pub(super) fn number_help(value: &Value, code: &str) -> Option<String> {
 /// there.
 pub(crate) fn written_number(text: &str, is_formula: bool) -> Option<String> {
     let bare = text.replace(['_', ' ', '\''], "").replace(',', ".");
+    // Fortran writes the exponent of a number in double precision with a d.
+    let bare = if bare.starts_with(|c: char| c.is_ascii_digit() || ".+-".contains(c)) {
+        bare.replace(['d', 'D'], "e")
+    } else {
+        bare
+    };
     if bare.parse::<f64>().is_ok_and(f64::is_finite) {
         return Some(format!("write the number as {bare}"));
     }
@@ -123,6 +129,9 @@ mod tests {
         assert!(product(true).ends_with("write the product as `-0.1*h`"), "{}", product(true));
         assert!(product(false).ends_with("write the product as `\"${-0.1*h}\"`"), "{}", product(false));
         assert_eq!(written_number("1 000,5", false).as_deref(), Some("write the number as 1000.5"));
+        for (text, number) in [("1,5e5", "1.5e5"), ("1.0d5", "1.0e5"), ("-2D-3", "-2e-3")] {
+            assert_eq!(written_number(text, true), Some(format!("write the number as {number}")), "{text}");
+        }
         for text in ["10 x", "MPa", "10", "2 gamma", ""] {
             let help = written_number(text, false).unwrap_or_default();
             assert!(!help.contains("units"), "{text}: {help}");
