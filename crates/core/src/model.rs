@@ -14,6 +14,7 @@ use crate::surface::Surface;
 mod arrays;
 mod boundary_condition;
 mod builder;
+mod dynamics;
 mod filling;
 mod fitting;
 mod initial_state;
@@ -32,6 +33,7 @@ mod tool_part;
 pub use arrays::HistoryVariable;
 pub use boundary_condition::{BoundaryCondition, NodeSet, OnSurface, displacement_at};
 pub use builder::{BuildError, Builder, Fill};
+pub use dynamics::{Dynamics, ForceOfInertia, Scheme};
 pub use filling::{FillError, Fillable, FilledRegion, Filling, Fit, MAX_POINTS, Placement};
 pub use initial_state::InitialImbalance;
 pub use lift::Lift;
@@ -229,7 +231,23 @@ impl<const D: usize> Model<D> {
 
     /// Share of the released forces that still acts at a time, [-].
     pub fn share_not_released(&self, time: f64) -> f64 {
+        if self.stepping.dynamics.is_some() {
+            return 0.0; // with inertia, what goes ceases to act at once
+        }
         ((self.stepping.end_time - time) / self.stepping.duration()).clamp(0.0, 1.0)
+    }
+
+    /// True if the bodies move with inertia in any stage.
+    pub fn has_inertia(&self) -> bool {
+        let in_stages = self.stages.iter().map(|stage| &stage.stepping);
+        in_stages.chain([&self.stepping]).any(|stepping| stepping.dynamics.is_some())
+    }
+
+    /// True if the accelerations of the points belong to their state in any stage.
+    pub fn keeps_acceleration(&self) -> bool {
+        let in_stages = self.stages.iter().map(|stage| &stage.stepping);
+        let mut dynamics = in_stages.chain([&self.stepping]).filter_map(|stepping| stepping.dynamics);
+        dynamics.any(|dynamics| dynamics.scheme.keeps_acceleration())
     }
 
     /// The method of each body.

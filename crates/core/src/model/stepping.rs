@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::Dynamics;
+
 /// Difference below which two times count as equal, relative to a requested step, [-].
 pub const SAME_TIME: f64 = 1e-9;
 
@@ -32,6 +34,8 @@ pub struct Stepping {
     /// True if the analysis or stage ends once the load no longer grows, see
     /// [`LimitLoad`](crate::solver::LimitLoad).
     pub until_limit: bool,
+    /// The motion with inertia; `None` in statics.
+    pub dynamics: Option<Dynamics>,
 }
 
 /// Step control: the quantity that is prescribed along the steps.
@@ -115,6 +119,7 @@ impl Stepping {
             knots: Vec::new(),
             control: Control::Load,
             until_limit: false,
+            dynamics: None,
         }
     }
 

@@ -232,14 +232,16 @@ impl<const D: usize, const N: usize> LastIterate<'_, D, N> {
         let ledger = sum.ledger(context, points, unknowns.at());
         let law_energy = ledger.energy(Ledger::ELASTIC) + ledger.energy(Ledger::PLASTIC);
         agree(reduction, with_energy(law_energy, context.model, points, &points.trial, context.step))?;
-        let energy = Energy::new(
-            reduction,
-            &displacement::<D, N>(&unknowns.delta_d),
-            AppliedForces { load: &f_ext_start, reaction: &reaction_start },
-            AppliedForces { load: f_ext, reaction: &reaction },
-            &course.f_int_start,
-            &ledger,
-        );
+        let at_end = AppliedForces { load: f_ext, reaction: &reaction };
+        let delta_d = displacement::<D, N>(&unknowns.delta_d);
+        let energy = match context.dynamics() {
+            None => {
+                let at_start = AppliedForces { load: &f_ext_start, reaction: &reaction_start };
+                Energy::new(reduction, &delta_d, at_start, at_end, &course.f_int_start, &ledger)
+            }
+            // The equations of motion hold in the mean over the step, so its forces act over the whole step.
+            Some(_) => Energy::in_mean(reduction, &delta_d, at_end, &ledger),
+        };
         Ok((if slump.has_begun() { energy.in_slump() } else { energy }, reaction))
     }
 }

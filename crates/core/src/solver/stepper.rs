@@ -155,6 +155,9 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         if model.takes_means() {
             points.prepare_deviations();
         }
+        if model.has_inertia() {
+            points.prepare_motion(model.keeps_acceleration());
+        }
         let reached = Reached::nothing(points);
         Stepper {
             model,

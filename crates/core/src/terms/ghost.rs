@@ -36,6 +36,15 @@ use super::term::{Character, Coupled, Term};
 /// which would otherwise have no stiffness, and too little to carry load where the material flows.
 const OF_FEW_POINTS: f64 = 0.01;
 
+/// What a penalty on jumps resists.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Resists {
+    /// Displacement increments, in proportion to the shear modulus.
+    Displacement,
+    /// Accelerations, in proportion to the density.
+    Acceleration,
+}
+
 /// The stiffness of the penalty, face by face. It couples each axis only with itself, and is the same for all axes.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Ghost {
@@ -55,12 +64,25 @@ pub struct Ghost {
 impl Ghost {
     /// The faces to stabilise in a step that starts from the converged state, to which `links` belong.
     pub fn new<const D: usize>(model: &Model<D>, points: &Points<D>, links: &Connectivity<D>) -> Ghost {
-        Ghost::with(model.stabilisation, model, points, links)
+        Ghost::with(model.stabilisation, Resists::Displacement, model, points, links)
+    }
+
+    /// The ghost mass of the faces on which the stabilisation of the model acts, with this factor, [-]: as the stiffness,
+    /// with ρ h² in place of G.
+    pub fn of_mass<const D: usize>(
+        factor: f64,
+        model: &Model<D>,
+        points: &Points<D>,
+        links: &Connectivity<D>,
+    ) -> Ghost {
+        let stabilisation = Stabilisation { parameter: factor, ..model.stabilisation };
+        Ghost::with(stabilisation, Resists::Acceleration, model, points, links)
     }
 
     /// As [`Ghost::new`], with a stabilisation that need not be that of the model.
     fn with<const D: usize>(
         stabilisation: Stabilisation,
+        resists: Resists,
         model: &Model<D>,
         points: &Points<D>,
         links: &Connectivity<D>,
@@ -103,11 +125,14 @@ impl Ghost {
             let strength = if weak[*a] || weak[*b] {
                 parameter
             } else if both.iter().any(|cell| few.contains(cell)) {
-                OF_FEW_POINTS * parameter
+                match resists {
+                    Resists::Displacement => OF_FEW_POINTS * parameter,
+                    Resists::Acceleration => parameter,
+                }
             } else {
                 continue;
             };
-            ghost.push(model, links, &held, both, nodes, strength);
+            ghost.push(model, links, &held, both, nodes, (resists, strength));
         }
         ghost
     }
@@ -120,7 +145,7 @@ impl Ghost {
         held: &HeldMaterial,
         cells: [u32; 2],
         face: &[u32],
-        parameter: f64,
+        (resists, parameter): (Resists, f64),
     ) {
         let grid = model.grid.as_ref();
         let mut nodes: Vec<u32> = Vec::with_capacity(12);
@@ -134,7 +159,10 @@ impl Ghost {
         let places = quadrature::<D>(&corners);
         let area: f64 = places.iter().map(|p| p.weight).sum();
         let thickness = grid.thickness(cells.map(|cell| cell as usize), area);
-        let modulus = held.shear_modulus(&nodes);
+        let modulus = match resists {
+            Resists::Displacement => held.shear_modulus(&nodes),
+            Resists::Acceleration => held.density(&nodes) * thickness * thickness,
+        };
         let first = self.stiffness.len();
         self.stiffness.resize(first + nodes.len() * (nodes.len() + 1) / 2, 0.0);
         let mut jump = vec![0.0; nodes.len()];
@@ -179,8 +207,13 @@ impl Ghost {
         &self.stiffness[self.stiffness_start[face]..self.stiffness_start[face + 1]]
     }
 
+    /// The stiffness of all faces, one after the other, [force/length].
+    pub(super) fn entries(&self) -> &[f64] {
+        &self.stiffness
+    }
+
     /// The indices of the blocks to which the stiffness of all faces is added.
-    fn places_in<const N: usize>(&self, sum: &System<N>) -> Vec<[Option<usize>; 2]> {
+    pub(super) fn places_in<const N: usize>(&self, sum: &System<N>) -> Vec<[Option<usize>; 2]> {
         let mut places = Vec::with_capacity(self.stiffness.len());
         for face in 0..self.n_faces() {
             let nodes = self.nodes_of(face);
@@ -227,7 +260,9 @@ impl<const D: usize, const N: usize> Term<D, N> for Ghost {
     }
 
     fn begin(&mut self, step: &StepContext<D>, points: &Points<D>) -> Result<(), BeginError> {
-        *self = Ghost::with(step.stabilisation(), step.model, points, step.links);
+        *self = Ghost::with(step.stabilisation(), Resists::Displacement, step.model, points, step.links);
+        // With inertia, the force grows from zero over the step.
+        self.stiffness.iter_mut().for_each(|stiffness| *stiffness *= step.weight());
         Ok(())
     }
 
@@ -259,8 +294,9 @@ impl<const D: usize, const N: usize> Term<D, N> for Ghost {
         Ok(())
     }
 
-    /// Work of the stabilisation from zero increment, ½ f_G·Δd, which is lost in the next step.
-    fn ledger(&self, _: &StepContext<D>, _: &Points<D>, at: At<N>) -> Ledger {
+    /// Work of the stabilisation from zero increment, ½ f_G·Δd, which is lost in the next step; with inertia, the mean
+    /// force of the step works, f_G·Δd.
+    fn ledger(&self, step: &StepContext<D>, _: &Points<D>, at: At<N>) -> Ledger {
         if self.n_faces() == 0 {
             return Ledger::default();
         }
@@ -268,7 +304,8 @@ impl<const D: usize, const N: usize> Term<D, N> for Ghost {
         self.add_force(D, at.delta_d, &mut force);
         // The force includes only the faces of this rank.
         let work = force.iter().flatten().zip(at.delta_d.iter().flatten()).map(|(f, u)| f * u).sum::<f64>();
-        [NamedEnergy::dissipated(Ledger::STABILISATION, 0.5 * work)].into()
+        let share = if step.dynamics().is_some() { 1.0 } else { 0.5 };
+        [NamedEnergy::dissipated(Ledger::STABILISATION, share * work)].into()
     }
 
     fn report(&self, _: &Model<D>, report: &mut TermReport<D>) {

@@ -14,6 +14,7 @@ use super::external_force::ExternalForces;
 use super::failure::{BeginError, EvaluateError, agree};
 use super::ghost::Ghost;
 use super::global_unknowns::GlobalMotion;
+use super::inertia::Inertia;
 use super::ledger::Ledger;
 use super::material_points::MaterialPoints;
 use super::multipliers::{Augmentation, Multipliers, Response};
@@ -32,6 +33,10 @@ pub fn model_terms<const D: usize, const N: usize, M: Mechanics<D>>(model: &Mode
         Box::new(Ghost::default()),
         Box::new(ExternalForces::default()),
     ];
+    if model.has_inertia() {
+        // It averages what the points alone have added.
+        terms.insert(1, Box::new(Inertia::default()));
+    }
     if !model.surfaces.is_empty() {
         terms.push(Box::new(Surfaces::new(model)));
     }
@@ -157,6 +162,11 @@ impl<const D: usize, const N: usize> Sum<D, N> {
     ) -> Result<Self, BeginError> {
         Sum::begin(&mut terms, step, points)?;
         Ok(Sum::new(terms, step, &DofMap::unconstrained(step.links.n_active())))
+    }
+
+    /// Tells all terms the constraints of the step.
+    pub fn follow_constraints(terms: &mut Terms<D, N>, dofs: &DofMap<N>) {
+        terms.iter_mut().for_each(|term| term.follow_constraints(dofs));
     }
 
     /// Begins a step with all terms.
