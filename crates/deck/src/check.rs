@@ -3,6 +3,7 @@
 //! The gate covers references by name, combinations of keys, geometry, formulas and curves. Ranges of single numbers
 //! are part of the schema. All faults are reported at once.
 
+mod dynamics;
 mod extent;
 mod follow;
 mod geometry;
@@ -49,6 +50,7 @@ pub fn validate(deck: &Deck, source: &Source) -> Vec<Diagnostic> {
     check.output();
     check.stages();
     check.control();
+    check.dynamics();
     assign(Gate::Meaning, &mut check.found);
     check.found
 }
@@ -181,6 +183,7 @@ impl Check<'_> {
             self.split_above(&pointer, body);
             self.strain(&pointer, body);
             self.initial_stress(&pointer, body);
+            self.velocity(&pointer, body);
             if let Some(extent) = self.shape(&format!("{pointer}/shape"), &body.shape, grid) {
                 self.points(&pointer, body, &extent, grid);
                 boxes.push((index, extent));

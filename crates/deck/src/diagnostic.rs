@@ -176,6 +176,8 @@ pub const CODES: &[(&str, &str)] = &[
     ("D073", "a body or a gap thinner than two cells"),
     ("D074", "a surface that no sides of domains form"),
     ("D075", "a footing across few cells"),
+    ("D080", "motion with inertia that cannot be as stated"),
+    ("D081", "a velocity of a body that does not move"),
 ];
 
 impl Diagnostic {

@@ -52,6 +52,8 @@ const SECTIONS: &[(&str, &str)] = &[
     ("`contacts` of a tool, each", "ContactDeck"),
     ("`steps`", "StepsDeck"),
     ("`control` of the steps", "ControlDeck"),
+    ("`dynamic`", "DynamicDeck"),
+    ("`damping` of the motion", "DampingDeck"),
     ("`stages`, each", "StageDeck"),
     ("`add` of a stage, each body that is placed onto another one", "PlacedDeck"),
     ("`then` of a stage", "ThenDeck"),

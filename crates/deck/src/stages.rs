@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{ControlDeck, Deck, SolverDeck, StepsDeck};
+use super::{ControlDeck, Deck, DynamicDeck, SolverDeck, StepsDeck};
 
 /// A stage of an analysis. It begins in the state in which the previous stage ends, and states only what changes.
 /// Forces that removed bodies, released boundary conditions and replaced materials carried are released over the stage,
@@ -16,6 +16,12 @@ use super::{ControlDeck, Deck, SolverDeck, StepsDeck};
 pub struct StageDeck {
     /// Name, unique among the stages.
     pub name: String,
+    /// Motion with inertia in this stage; without this key, the bodies are in equilibrium throughout. Bodies start from
+    /// rest, unless the stage before also moves them, and end the motion at once where a stage without this key follows.
+    /// What the stage removes ceases to act at once.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("examples" = [{}]))]
+    pub dynamic: Option<DynamicDeck>,
     /// Load steps of the stage; `end_time` is its duration, and a control reaches `to` or `length` within the stage.
     pub steps: StepsDeck,
     /// Factors that loads and boundary conditions reach at the end of the stage, by name. They change linearly from
@@ -191,7 +197,7 @@ impl Deck {
 
     /// Number of requested load steps.
     pub fn step_count(&self) -> usize {
-        self.courses().iter().map(|(_, steps)| steps.count as usize).sum()
+        self.courses().iter().map(|(_, steps)| steps.count() as usize).sum()
     }
 
     /// True if a body exists, or a boundary condition acts, before the first stage. False only if the first stage that

@@ -14,6 +14,11 @@ pub struct Dynamics {
     pub rayleigh: [f64; 2],
     /// Share of the velocity of the points that each step replaces by that of the grid, [-].
     pub pic: f64,
+    /// Largest error of a step relative to the cell size, [-]: the difference between the motion of the step and that at
+    /// the acceleration of the step before.
+    pub largest_error: f64,
+    /// Longest step, [time].
+    pub longest: f64,
 }
 
 impl Dynamics {
@@ -23,7 +28,14 @@ impl Dynamics {
 
 impl Default for Dynamics {
     fn default() -> Self {
-        Dynamics { scheme: Scheme::Midpoint, ghost_mass: Dynamics::GHOST_MASS, rayleigh: [0.0; 2], pic: 0.0 }
+        Dynamics {
+            scheme: Scheme::Midpoint,
+            ghost_mass: Dynamics::GHOST_MASS,
+            rayleigh: [0.0; 2],
+            pic: 0.0,
+            largest_error: f64::INFINITY,
+            longest: f64::INFINITY,
+        }
     }
 }
 

@@ -34,6 +34,8 @@ pub struct Stepping {
     /// True if the analysis or stage ends once the load no longer grows, see
     /// [`LimitLoad`](crate::solver::LimitLoad).
     pub until_limit: bool,
+    /// True if the analysis or stage ends once the bodies that move with inertia are at rest.
+    pub until_rest: bool,
     /// The motion with inertia; `None` in statics.
     pub dynamics: Option<Dynamics>,
 }
@@ -119,6 +121,7 @@ impl Stepping {
             knots: Vec::new(),
             control: Control::Load,
             until_limit: false,
+            until_rest: false,
             dynamics: None,
         }
     }
