@@ -33,7 +33,7 @@ mod tool_part;
 pub use arrays::HistoryVariable;
 pub use boundary_condition::{BoundaryCondition, NodeSet, OnSurface, displacement_at};
 pub use builder::{BuildError, Builder, Fill};
-pub use dynamics::{Dynamics, ForceOfInertia, Scheme};
+pub use dynamics::{Absorbed, Dynamics, ForceOfInertia, Scheme};
 pub use filling::{FillError, Fillable, FilledRegion, Filling, Fit, MAX_POINTS, Placement};
 pub use initial_state::InitialImbalance;
 pub use lift::Lift;
@@ -232,7 +232,8 @@ impl<const D: usize> Model<D> {
     /// Share of the released forces that still acts at a time, [-].
     pub fn share_not_released(&self, time: f64) -> f64 {
         if self.stepping.dynamics.is_some() {
-            return 0.0; // with inertia, what goes ceases to act at once
+            // With inertia, what goes ceases to act at once, and absorbing boundaries go on to carry what they carried.
+            return if self.present.absorbed.is_empty() { 0.0 } else { 1.0 };
         }
         ((self.stepping.end_time - time) / self.stepping.duration()).clamp(0.0, 1.0)
     }
@@ -241,13 +242,6 @@ impl<const D: usize> Model<D> {
     pub fn has_inertia(&self) -> bool {
         let in_stages = self.stages.iter().map(|stage| &stage.stepping);
         in_stages.chain([&self.stepping]).any(|stepping| stepping.dynamics.is_some())
-    }
-
-    /// True if the accelerations of the points belong to their state in any stage.
-    pub fn keeps_acceleration(&self) -> bool {
-        let in_stages = self.stages.iter().map(|stage| &stage.stepping);
-        let mut dynamics = in_stages.chain([&self.stepping]).filter_map(|stepping| stepping.dynamics);
-        dynamics.any(|dynamics| dynamics.scheme.keeps_acceleration())
     }
 
     /// The method of each body.

@@ -1,9 +1,10 @@
 //! The terms of equilibrium. Each adds forces and stiffness to the grid; Newton's method uses only their sum.
 //!
-//! Six terms are built in: the material points, their inertia, the ghost stabilisation, the external forces on material
+//! Seven terms are built in: the material points, their inertia, absorbing boundaries, the ghost stabilisation, the external forces on material
 //! points, the surfaces with their loads and weak conditions, and the contact with rigid tools. A new term implements [`Term`], in
 //! a file here or in another crate.
 
+mod absorbing;
 mod attached;
 pub mod contact;
 pub mod external_force;
@@ -24,6 +25,7 @@ mod sum;
 pub mod surface;
 mod term;
 
+pub use absorbing::Absorbing;
 pub use attached::{Attached, Obstacle};
 pub use contact::{
     Contact, ContactPoint, Mode, PartState, StartOverlap, ToolState, boxes_on_the_way, overlaps_at_start,

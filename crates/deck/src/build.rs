@@ -13,6 +13,7 @@ mod lifts;
 mod loading;
 mod magnitudes;
 mod materials;
+mod motions;
 mod moving_grid;
 mod nearest;
 mod nodes;

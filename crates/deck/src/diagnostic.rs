@@ -178,6 +178,7 @@ pub const CODES: &[(&str, &str)] = &[
     ("D075", "a footing across few cells"),
     ("D080", "motion with inertia that cannot be as stated"),
     ("D081", "a velocity of a body that does not move"),
+    ("D082", "a motion that cannot be read"),
 ];
 
 impl Diagnostic {

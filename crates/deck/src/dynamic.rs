@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Deck, StepsDeck};
+use super::{Axis, Deck, StepsDeck};
 use mpm_core::model::{Dynamics, Scheme};
 
 /// Motion with inertia; `{}` for the default settings. Times are then real times in the units of the deck, as is `time`
@@ -54,6 +54,124 @@ pub enum SchemeDeck {
     GeneralisedAlpha,
     /// Backward Euler, of first order, which damps every motion: a way to static equilibrium.
     BackwardEuler,
+}
+
+/// A boundary that absorbs waves.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct AbsorbDeck {
+    /// Name of a boundary condition on nodes that held the bodies in the stage before. It no longer acts, but what it
+    /// carried goes on to act as a constant force.
+    pub condition: String,
+    /// Motion of the ground below, at a free surface on it; half of it comes up as a wave.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub motion: Option<MotionDeck>,
+}
+
+/// A motion over time, from a file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MotionDeck {
+    /// Axis of the motion.
+    pub axis: Axis,
+    /// File of two columns, separated by commas, blanks or tabs, relative to the deck: time since the first stage with
+    /// inertia began, [time], and the quantity. Lines that do not begin with a number are skipped.
+    #[schemars(extend("examples" = ["quake.csv"]))]
+    pub file: String,
+    /// Quantity in the second column.
+    #[serde(default)]
+    pub quantity: MotionQuantity,
+    /// Factor of the second column, [-].
+    #[serde(default = "unit")]
+    #[schemars(extend("examples" = [9.81]))]
+    pub scale: f64,
+}
+
+/// Quantity that describes a motion.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum MotionQuantity {
+    /// Acceleration, [length/time²].
+    #[default]
+    Acceleration,
+    /// Velocity, [length/time].
+    Velocity,
+}
+
+fn unit() -> f64 {
+    1.0
+}
+
+impl MotionDeck {
+    /// The pairs of time and quantity in the text of the file.
+    ///
+    /// # Errors
+    /// The number of the line that is not understood, from 1, and what is wrong with it.
+    pub fn pairs(&self, text: &str) -> Result<Vec<[f64; 2]>, (usize, String)> {
+        let mut pairs: Vec<[f64; 2]> = Vec::new();
+        for (number, line) in (1..).zip(text.lines()) {
+            let is_separator = |c: char| c == ',' || c == ';' || c.is_whitespace();
+            let mut words = line.split(is_separator).filter(|word| !word.is_empty());
+            let Some(Ok(time)) = words.next().map(str::parse::<f64>) else { continue };
+            let Some(Ok(value)) = words.next().map(str::parse::<f64>) else {
+                return Err((number, "there is no second number".to_owned()));
+            };
+            if !time.is_finite() || !value.is_finite() {
+                return Err((number, "a number is not finite".to_owned()));
+            }
+            if pairs.last().is_some_and(|last| last[0] >= time) {
+                return Err((number, "times do not ascend".to_owned()));
+            }
+            pairs.push([time, self.scale * value]);
+        }
+        if pairs.len() < 2 {
+            return Err((1, "there are fewer than two times".to_owned()));
+        }
+        Ok(pairs)
+    }
+
+    /// Acceleration over time from the pairs, [length/time²]; it begins and ends with 0.
+    pub(crate) fn acceleration(&self, pairs: &[[f64; 2]], start: f64) -> Vec<[f64; 2]> {
+        let mut table: Vec<[f64; 2]> = match self.quantity {
+            MotionQuantity::Acceleration => pairs.to_vec(),
+            MotionQuantity::Velocity => pairs
+                .windows(2)
+                .map(|two| {
+                    let [[t0, v0], [t1, v1]] = [two[0], two[1]];
+                    [0.5 * (t0 + t1), (v1 - v0) / (t1 - t0)]
+                })
+                .collect(),
+        };
+        enclosed(&mut table, start);
+        table
+    }
+
+    /// Velocity over time from the pairs, [length/time]; it begins with 0, and ends with 0.
+    pub(crate) fn velocity(&self, pairs: &[[f64; 2]], start: f64) -> Vec<[f64; 2]> {
+        let mut table: Vec<[f64; 2]> = match self.quantity {
+            MotionQuantity::Velocity => pairs.to_vec(),
+            MotionQuantity::Acceleration => {
+                let mut velocity = 0.0;
+                let mut table = vec![[pairs[0][0], 0.0]];
+                for two in pairs.windows(2) {
+                    velocity += 0.5 * (two[0][1] + two[1][1]) * (two[1][0] - two[0][0]);
+                    table.push([two[1][0], velocity]);
+                }
+                table
+            }
+        };
+        enclosed(&mut table, start);
+        table
+    }
+}
+
+/// Moves the table to the time at which the motion begins; before and after it, the motion is 0.
+fn enclosed(table: &mut Vec<[f64; 2]>, start: f64) {
+    table.iter_mut().for_each(|pair| pair[0] += start);
+    let Some([first, last]) = table.first().zip(table.last()).map(|(a, b)| [a[0], b[0]]) else { return };
+    let gap = 1e-9 * (last - first).max(f64::MIN_POSITIVE);
+    table.insert(0, [first - gap, 0.0]);
+    table.push([last + gap, 0.0]);
 }
 
 /// Damping of the material.
@@ -108,6 +226,12 @@ impl Deck {
             Some(stage) => stage.dynamic.as_ref(),
             None => self.dynamic.as_ref(),
         }
+    }
+
+    /// Time at which the first stage with inertia begins, [time].
+    pub(crate) fn motion_begins(&self) -> f64 {
+        let before = self.stages.iter().take_while(|stage| stage.dynamic.is_none());
+        before.map(|stage| stage.steps.end_time).sum()
     }
 
     /// True if bodies move with inertia at any time.

@@ -19,7 +19,7 @@ pub use boundary_conditions::{
 };
 pub use build::{first_step, holding, plan, ready, size};
 pub(crate) use build::{placing, seeding, tool_shapes};
-pub use dynamic::{DampingDeck, DynamicDeck, SchemeDeck};
+pub use dynamic::{AbsorbDeck, DampingDeck, DynamicDeck, MotionDeck, MotionQuantity, SchemeDeck};
 pub use grid::{AxisSpacing, FollowDeck, GridDeck, IntervalDeck, SpacingDeck, Unrefined};
 pub use initial_stress::{InitialStressDeck, StressDeck, initial_factor};
 pub use laws::{
@@ -49,7 +49,7 @@ pub use read::{changes, load, references, schema, source};
 pub(crate) use read::{hash, parameters, shape, span, yaml};
 pub use refined_place::{AlongAxes, RefineDeck, RefinedAt};
 pub use region::{Direction, Shape};
-pub use stages::{AddDeck, PlacedDeck, Reset, StageDeck, ThenDeck};
+pub use stages::{AddDeck, AtLimit, PlacedDeck, Reset, StageDeck, ThenDeck};
 pub use steps::{ControlDeck, StepsDeck, Until};
 pub use surfaces::{HalfSpaceDeck, PartDeck, SurfaceDeck};
 pub use tools::{

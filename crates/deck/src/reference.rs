@@ -54,6 +54,8 @@ const SECTIONS: &[(&str, &str)] = &[
     ("`control` of the steps", "ControlDeck"),
     ("`dynamic`", "DynamicDeck"),
     ("`damping` of the motion", "DampingDeck"),
+    ("`absorb` of a stage, each", "AbsorbDeck"),
+    ("`motion` of a base", "MotionDeck"),
     ("`stages`, each", "StageDeck"),
     ("`add` of a stage, each body that is placed onto another one", "PlacedDeck"),
     ("`then` of a stage", "ThenDeck"),

@@ -28,10 +28,10 @@ pub struct Momentum {
 }
 
 impl<const D: usize> Points<D> {
-    /// Gives the points velocities and, if asked for, accelerations, unless they have them; they start at rest.
-    pub fn prepare_motion(&mut self, with_acceleration: bool) {
+    /// Gives the points velocities and accelerations, unless they have them; they start at rest.
+    pub fn prepare_motion(&mut self) {
         for (name, unit) in [(VELOCITY, "length/time"), (ACCELERATION, "length/time^2")] {
-            if self.motion_handle(name).is_some() || name == ACCELERATION && !with_acceleration {
+            if self.motion_handle(name).is_some() {
                 continue;
             }
             let start = vec![0.0; MOTION * self.len()];
@@ -52,14 +52,15 @@ impl<const D: usize> Points<D> {
         self.motion_handle(VELOCITY).map(|handle| self.further.converged(handle))
     }
 
-    /// Accelerations, as [`Points::velocity`], [length/time²]; `None` unless the scheme keeps them.
+    /// Accelerations, as [`Points::velocity`], [length/time²]: at the end of the last step if the scheme keeps them,
+    /// otherwise the mean over that step.
     pub fn acceleration(&self) -> Option<&[f64]> {
         self.motion_handle(ACCELERATION).map(|handle| self.further.converged(handle))
     }
 
     /// Sets the velocity of each point to that at its position, [length/time], between two steps.
     pub fn set_velocity(&mut self, velocity: impl Fn(usize) -> [f64; D]) {
-        self.prepare_motion(false);
+        self.prepare_motion();
         let Some(handle) = self.motion_handle(VELOCITY) else { return };
         let n = self.len();
         let values = self.further.converged_mut(handle);

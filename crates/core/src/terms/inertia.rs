@@ -252,6 +252,10 @@ impl<const D: usize, const N: usize> Term<D, N> for Inertia<D, N> {
         ledger
     }
 
+    fn excess(&self, step: &StepContext<D>, points: &Points<D>, at: At<N>) -> f64 {
+        self.moving.as_ref().map_or(0.0, |moving| motion::excess(moving, step, points, at.delta_d))
+    }
+
     fn commit(&mut self, step: &StepContext<D>, points: &mut Points<D>) {
         match &self.moving {
             Some(moving) => {

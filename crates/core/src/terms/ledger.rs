@@ -132,6 +132,8 @@ impl Ledger {
     pub const PIC: &'static str = "PIC";
     /// What Rayleigh damping dissipates.
     pub const RAYLEIGH: &'static str = "Rayleigh damping";
+    /// What absorbing boundaries swallow.
+    pub const ABSORBED: &'static str = "absorbed";
     /// Kinetic energy that is lost where a static stage follows motion.
     pub const STOPPED: &'static str = "brought to rest";
     /// Energy dissipated by friction between tools and bodies: work of the tools that does not reach the bodies. The

@@ -310,7 +310,7 @@ impl<const D: usize, const N: usize, M: Mechanics<D>> Term<D, N> for MaterialPoi
         });
         start.collect_into_vec(&mut self.start);
         self.batched = batches(model, points);
-        let factor = model.stepping.strength_factor(step.step.end);
+        let factor = model.stepping.strength_at(step.step.end);
         self.reduces_strength = factor.is_some();
         let laws = model.materials.iter().map(|material| {
             let reduced = factor.and_then(|factor| material.law.with_strength_divided(factor));

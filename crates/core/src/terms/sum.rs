@@ -9,6 +9,7 @@ use crate::points::Points;
 use crate::step::{At, Nodal, StepContext};
 use crate::stress::Mechanics;
 
+use super::absorbing::Absorbing;
 use super::contact::Contact;
 use super::external_force::ExternalForces;
 use super::failure::{BeginError, EvaluateError, agree};
@@ -36,6 +37,7 @@ pub fn model_terms<const D: usize, const N: usize, M: Mechanics<D>>(model: &Mode
     if model.has_inertia() {
         // It averages what the points alone have added.
         terms.insert(1, Box::new(Inertia::default()));
+        terms.push(Box::new(Absorbing::default()));
     }
     if !model.surfaces.is_empty() {
         terms.push(Box::new(Surfaces::new(model)));
@@ -310,6 +312,17 @@ impl<const D: usize, const N: usize> Sum<D, N> {
             term.ledger(step, points, at).iter().for_each(|energy| sum.add(energy.clone()));
         }
         sum
+    }
+
+    /// The largest number by which the step is too long for a term, see [`Term::excess`].
+    pub fn excess(&self, step: &StepContext<D>, points: &Points<D>, at: At<N>) -> f64 {
+        let (mut first, mut largest) = (0, 0.0f64);
+        for term in &self.terms {
+            let (at, next) = term_unknowns(term.as_ref(), at, first);
+            first = next;
+            largest = largest.max(term.excess(step, points, at));
+        }
+        largest
     }
 
     /// What the terms report of the step, at the last evaluation.

@@ -134,6 +134,13 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
         Ledger::default()
     }
 
+    /// By how much the step is too long for the term, although it is in equilibrium at these unknowns: its error relative
+    /// to the error that the term may have, [-]. Above 1, the step is repeated in halves where it may be cut; all ranks
+    /// return the same number.
+    fn excess(&self, _step: &StepContext<D>, _points: &Points<D>, _at: At<N>) -> f64 {
+        0.0
+    }
+
     /// Adds what the term reports of the step, at the last evaluation.
     fn report(&self, _model: &Model<D>, _report: &mut TermReport<D>) {}
 

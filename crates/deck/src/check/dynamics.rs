@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::Check;
 use crate::quoting::quote;
-use crate::{BodyDeck, ControlDeck, SchemeDeck, Until};
+use crate::{AtLimit, BodyDeck, ControlDeck, SchemeDeck, StageDeck, Until};
 
 impl Check<'_> {
     /// Checks the motion of each stage: bodies have a density, steps have a size, and controls suit inertia.
@@ -13,6 +13,21 @@ impl Check<'_> {
         if deck.dynamic.is_some() && !deck.stages.is_empty() {
             let message = "each of several stages says itself whether it moves bodies with inertia";
             self.error("D080", "/dynamic", message, "move `dynamic` into the stages that need it");
+        }
+        for (number, stage) in
+            deck.stages.iter().enumerate().filter(|(_, stage)| stage.at_limit == AtLimit::Next)
+        {
+            let at = format!("/stages/{number}/at_limit");
+            if stage.dynamic.is_some() {
+                let help = "remove `at_limit`: a motion has no limit";
+                self.error("D080", &at, "a stage with inertia always finds a next step", help);
+            } else if deck.dynamic(number + 1).is_none() || number + 1 == deck.stages.len() {
+                let message = "no stage with inertia follows that could go on from the limit";
+                self.error("D080", &at, message, "add `dynamic: {}` to the next stage");
+            }
+        }
+        for (number, stage) in deck.stages.iter().enumerate() {
+            self.absorbing(number, stage);
         }
         for (number, (pointer, steps)) in deck.courses().into_iter().enumerate() {
             let dynamic = deck.dynamic(number);
@@ -64,6 +79,44 @@ impl Check<'_> {
                 );
             }
             self.masses(&at);
+        }
+    }
+
+    /// Checks the boundaries that a stage lets absorb waves.
+    fn absorbing(&mut self, number: usize, stage: &StageDeck) {
+        let deck = self.deck;
+        let Some(_) = stage.absorb.first() else { return };
+        let place = format!("/stages/{number}/absorb");
+        if stage.dynamic.is_none() {
+            let help = "add `dynamic: {}` to the stage";
+            return self.error("D080", &place, "only bodies that move with inertia send out waves", help);
+        }
+        if number == 0 {
+            let message =
+                "the first stage cannot absorb waves: no stage before it says what the boundaries carry";
+            return self.error(
+                "D080",
+                &place,
+                message,
+                "put a stage with loads but without inertia before it",
+            );
+        }
+        if !stage.release.is_empty() || !stage.remove.is_empty() {
+            let message = "what a stage releases goes at once, but what absorbing boundaries carry stays";
+            return self.error("D080", &place, message, "release it in a stage of its own, after this one");
+        }
+        for (index, absorb) in stage.absorb.iter().enumerate() {
+            let at = format!("{place}/{index}/condition");
+            let found = deck.boundary_conditions.iter().find(|condition| condition.name == absorb.condition);
+            if found.is_some_and(|condition| condition.surface.is_some()) {
+                let message = "waves are absorbed at nodes of the grid, but this condition acts on a surface";
+                self.error("D080", &at, message, "name a boundary condition with `nodes`");
+            }
+            if let Some(motion) = &absorb.motion
+                && motion.axis as usize >= self.dimensions()
+            {
+                self.wrong_dimension(&format!("{place}/{index}/motion/axis"), "the axis `z`", 3);
+            }
         }
     }
 

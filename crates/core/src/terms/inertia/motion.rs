@@ -32,6 +32,44 @@ pub(super) fn momentum<const D: usize, const N: usize>(
     momentum
 }
 
+/// Displacement of a node in a step that is at most allowed, in cells, [-].
+const LONGEST: f64 = 0.5;
+
+/// By how much a step is too long: the largest displacement of a node relative to half a cell, or the difference between
+/// the motion of the points and that at the acceleration of the step before, Δt |Δv − Δv_n Δt/Δt_n| as root mean square
+/// by mass, relative to what is allowed.
+pub(super) fn excess<const D: usize, const N: usize>(
+    moving: &Moving<D, N>,
+    step: &StepContext<D>,
+    points: &Points<D>,
+    delta_d: &[[f64; N]],
+) -> f64 {
+    let (model, links) = (step.model, step.links);
+    let reduction = links.reduction();
+    let sizes = links.active_cells().iter().map(|&cell| model.grid.size(cell as usize));
+    let cell = reduction.smallest(sizes.fold(f64::INFINITY, f64::min));
+    let square = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>();
+    let farthest = delta_d.iter().map(|u| square(&u[..D])).fold(0.0, f64::max).sqrt();
+    let farthest = reduction.largest(farthest) / (LONGEST * cell);
+    let allowed = moving.dynamics.largest_error * cell;
+    if !allowed.is_finite() {
+        return farthest;
+    }
+    let end = EndOfStep::new(moving, step, points, delta_d);
+    let none = vec![0.0; MOTION * points.len()];
+    let before = points.velocity().unwrap_or(&none);
+    let acceleration = points.acceleration().unwrap_or(&none);
+    let mut sums = [0.0; 2];
+    for p in 0..points.len() {
+        let error = |k: usize| end.velocity[k] - before[k] - acceleration[k] * moving.duration;
+        sums[0] += points.mass[p] * (MOTION * p..MOTION * (p + 1)).map(|k| error(k) * error(k)).sum::<f64>();
+        sums[1] += points.mass[p];
+    }
+    reduction.sum(&mut sums);
+    let error = if sums[1] > 0.0 { moving.duration * (sums[0] / sums[1]).sqrt() } else { 0.0 };
+    farthest.max(error / allowed)
+}
+
 /// The motion of the points at the end of a step.
 pub(super) struct EndOfStep {
     pub(super) velocity: Vec<f64>,
@@ -90,6 +128,11 @@ impl EndOfStep {
             }
         }
         let kinetic_end = kinetic(points, &after);
+        if !dynamics.scheme.keeps_acceleration() {
+            // The mean acceleration of the step, by which the next one is judged.
+            let changes = accelerated.iter_mut().zip(after.iter().zip(before));
+            changes.for_each(|(a, (after, before))| *a = (after - before) / duration);
+        }
         let mut resisted = vec![[0.0; N]; delta_d.len()];
         ghost.add_force(D, &changes[0], &mut resisted);
         let dot = |a: &[[f64; N]], b: &[[f64; N]]| -> f64 {
