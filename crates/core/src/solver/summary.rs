@@ -9,7 +9,7 @@ use crate::equilibrium::{Energy, InitialState, StepReport};
 use crate::linear::{Nature, Solved};
 use crate::model::Model;
 use crate::quality::{BalanceSoFar, Quality, Warning};
-use crate::terms::{Amount, NamedEnergy, Role, continued};
+use crate::terms::{Amount, Ledger, NamedEnergy, Role, continued};
 use crate::timing::Timings;
 
 use super::diagnosis::Diagnosis;
@@ -128,6 +128,7 @@ impl Summary {
             regridding_work: self.regridding_work,
             gross_work: self.gross_work,
             energy_error: self.energy_error(),
+            defect: if self.gross_work > 0.0 { self.defect() / self.gross_work } else { 0.0 },
         }
     }
 
@@ -154,6 +155,12 @@ impl Summary {
     pub fn unexplained_energy(&self) -> f64 {
         let shares = self.energies().into_iter().map(|energy| energy.unexplained());
         shares.reduce(|sum, share| sum + share).unwrap_or(0.0)
+    }
+
+    /// Work of the mean stresses of steps with inertia that was neither stored nor dissipated by the laws, [energy].
+    pub fn defect(&self) -> f64 {
+        let is_defect = |energy: &&NamedEnergy| energy.name == Ledger::DEFECT;
+        self.further_energies.iter().filter(is_defect).map(|energy| energy.amount.value()).sum()
     }
 
     /// Energy that was supplied so far but neither stored nor dissipated, relative to the sum of the magnitudes of all
