@@ -45,52 +45,64 @@ pub(crate) fn energies(summary: &Summary) -> [f64; ENERGIES.len()] {
     ]
 }
 
-/// How far bodies reach, on all ranks.
-#[derive(Debug, Clone, Copy)]
-struct Reach<const D: usize> {
-    low: [f64; D],
-    high: [f64; D],
-}
+/// Share of the mass that may lie beyond the front, [-]: single grains run far ahead.
+const AHEAD: f64 = 0.01;
+/// Number of halvings by which the front is found.
+const HALVINGS: usize = 30;
 
-impl<const D: usize> Reach<D> {
-    /// The box of the domains of all points: as they are, or as they were drawn.
-    fn new(points: &Points<D>, is_original: bool) -> Reach<D> {
-        let mut reach = Reach { low: [f64::INFINITY; D], high: [f64::NEG_INFINITY; D] };
-        let mut add = |x: &[f64; D], half: &[f64; D]| {
-            for d in 0..D {
-                reach.low[d] = reach.low[d].min(x[d] - half[d]);
-                reach.high[d] = reach.high[d].max(x[d] + half[d]);
-            }
+/// The least and the largest coordinate along an axis, over the domains of all points, [length]: as they are, or as they
+/// were drawn.
+fn reach<const D: usize>(points: &Points<D>, axis: usize, is_original: bool) -> [f64; 2] {
+    let mut ends = [f64::INFINITY, f64::NEG_INFINITY];
+    let mut add = |x: f64| ends = [ends[0].min(x), ends[1].max(x)];
+    for p in 0..points.len() {
+        let corners = match is_original {
+            true => &points.original_corners[points.corner_range(p)],
+            false => points.corners(p),
         };
-        for p in 0..points.len() {
-            let corners = match is_original {
-                true => &points.original_corners[points.corner_range(p)],
-                false => points.corners(p),
-            };
-            if !corners.is_empty() {
-                corners.iter().for_each(|corner| add(corner, &[0.0; D]));
-            } else if is_original {
-                let half = points.original_half_lengths.get(p).copied().unwrap_or([0.0; D]);
-                add(&points.original_position[p], &half);
-            } else {
-                add(&points.converged.position[p], &points.half_lengths(p));
+        let (x, half) = match is_original {
+            true => {
+                let half = points.original_half_lengths.get(p).map_or(0.0, |half| half[axis]);
+                (points.original_position[p][axis], half)
             }
+            false => (points.converged.position[p][axis], points.half_lengths(p)[axis]),
+        };
+        if corners.is_empty() {
+            [x - half, x + half].into_iter().for_each(&mut add);
+        } else {
+            corners.iter().map(|corner| corner[axis]).for_each(&mut add);
         }
-        let reduction = points.reduction();
-        for d in 0..D {
-            reach.low[d] = reduction.smallest(reach.low[d]);
-            reach.high[d] = reduction.largest(reach.high[d]);
-        }
-        reach
     }
+    let reduction = points.reduction();
+    [reduction.smallest(ends[0]), reduction.largest(ends[1])]
 }
 
-/// The run-out: the largest distance, along a horizontal axis, by which the bodies reach beyond where they were drawn, and
-/// their height along the last axis, [length].
+/// The coordinate along an axis beyond which [`AHEAD`] of the mass lies, in the direction of `sign`, [length].
+fn front<const D: usize>(points: &Points<D>, axis: usize, sign: f64) -> f64 {
+    let reduction = points.reduction();
+    let mass = reduction.total(points.mass.iter().sum());
+    let along = |p: usize| sign * points.converged.position[p][axis];
+    let all = (0..points.len()).map(along);
+    let [mut low, mut high] = all.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], x| [a.min(x), b.max(x)]);
+    (low, high) = (reduction.smallest(low), reduction.largest(high));
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (low + high);
+        let beyond = (0..points.len()).filter(|p| along(*p) > middle).map(|p| points.mass[p]).sum();
+        if reduction.total(beyond) > AHEAD * mass { low = middle } else { high = middle }
+    }
+    sign * high
+}
+
+/// The run-out: the largest distance, along a horizontal axis, from where the bodies were drawn to the front, beyond which
+/// one per cent of their mass lies; and their height along the last axis, [length].
 fn runout<const D: usize>(points: &Points<D>) -> [f64; 2] {
-    let [drawn, now] = [true, false].map(|is_original| Reach::new(points, is_original));
-    let beyond = (0..D - 1).map(|d| (now.high[d] - drawn.high[d]).max(drawn.low[d] - now.low[d]));
-    [beyond.fold(0.0, f64::max), (now.high[D - 1] - now.low[D - 1]).max(0.0)]
+    let mut runout: f64 = 0.0;
+    for axis in 0..D - 1 {
+        let [low, high] = reach(points, axis, true);
+        runout = runout.max(front(points, axis, 1.0) - high).max(low - front(points, axis, -1.0));
+    }
+    let [low, high] = reach(points, D - 1, false);
+    [runout, (high - low).max(0.0)]
 }
 
 /// The columns of `history.csv`; none without inertia.

@@ -127,12 +127,14 @@ impl<const D: usize, const N: usize> LastIterate<'_, D, N> {
             loads,
             forces: named,
             energy,
-            moment_error: moment_error(
-                model,
-                links,
-                &delta_d,
-                AppliedForces { load: f_ext, reaction: &reaction },
-            ),
+            // The moment of inertia forces is no error.
+            moment_error: match attempt.context.dynamics() {
+                None => {
+                    let applied = AppliedForces { load: f_ext, reaction: &reaction };
+                    moment_error(model, links, &delta_d, applied)
+                }
+                Some(_) => None,
+            },
             load_factor,
             excess,
             strength_factor: model.stepping.strength_factor(step.end),

@@ -67,15 +67,20 @@ impl Ghost {
         Ghost::with(model.stabilisation, Resists::Displacement, model, points, links)
     }
 
-    /// The ghost mass of the faces on which the stabilisation of the model acts, with this factor, [-]: as the stiffness,
-    /// with ρ h² in place of G.
+    /// The ghost mass with this factor, [-], on the faces of all cells at the boundary of the material and of cells of few
+    /// points, unless the model rules stabilisation out: as the stiffness, with ρ h² in place of G.
     pub fn of_mass<const D: usize>(
         factor: f64,
         model: &Model<D>,
         points: &Points<D>,
         links: &Connectivity<D>,
     ) -> Ghost {
-        let stabilisation = Stabilisation { parameter: factor, ..model.stabilisation };
+        // Bodies in motion disperse: nodes with hardly any mass lie at all cells of their boundary.
+        let mode = match model.stabilisation.mode {
+            StabilisationMode::Off => StabilisationMode::Off,
+            StabilisationMode::Auto | StabilisationMode::On => StabilisationMode::On,
+        };
+        let stabilisation = Stabilisation { parameter: factor, mode, ..model.stabilisation };
         Ghost::with(stabilisation, Resists::Acceleration, model, points, links)
     }
 

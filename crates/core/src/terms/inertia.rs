@@ -21,6 +21,8 @@ mod mass;
 mod motion;
 mod projection;
 
+use std::cell::OnceCell;
+
 use crate::assembly::{System, Wanted};
 use crate::dofs::DofMap;
 use crate::linear::Block;
@@ -32,10 +34,14 @@ use super::failure::{BeginError, EvaluateError};
 use super::ghost::Ghost;
 use super::layout::Layout;
 use super::ledger::{Ledger, NamedEnergy};
+use super::report::TermReport;
 use super::term::{Character, Coupled, Term};
 
 use mass::Mass;
 use motion::{EndOfStep, kinetic};
+
+/// Name under which the resultant of inertia is reported.
+const INERTIA: &str = "inertia";
 
 /// Inertia in steps of stages with dynamics. Where a static stage follows, it ends the motion.
 pub struct Inertia<const D: usize, const N: usize = D> {
@@ -59,6 +65,10 @@ struct Moving<const D: usize, const N: usize> {
     constant: Nodal<N>,
     /// Stiffness of the points at the start of the step times its weight, if it damps, [force/length].
     stiffness: Vec<Block<N>>,
+    /// Force of inertia on all points of this rank in the last evaluation, [force].
+    resultant: [f64; D],
+    /// The motion at the end of the step, once it has been asked for since the last evaluation.
+    end: OnceCell<EndOfStep>,
     /// Displacement increment of the last evaluation, [length], and the energy that damping then dissipates.
     last: Nodal<N>,
     damped: f64,
@@ -84,6 +94,8 @@ impl<const D: usize, const N: usize> Moving<D, N> {
             start: Default::default(),
             constant: Nodal::new(),
             stiffness: Vec::new(),
+            resultant: [0.0; D],
+            end: OnceCell::new(),
             last: vec![[0.0; N]; step.links.n_active()],
             damped: 0.0,
         }
@@ -117,6 +129,11 @@ impl<const D: usize, const N: usize> Moving<D, N> {
             mass.multiply(sum, &sought, &mut self.constant);
         }
         self.mass = Some(mass);
+    }
+
+    /// The motion at the end of the step with these displacement increments, those of the last evaluation.
+    fn end(&self, step: &StepContext<D>, points: &Points<D>, delta_d: &[[f64; N]]) -> &EndOfStep {
+        self.end.get_or_init(|| EndOfStep::new(self, step, points, delta_d))
     }
 
     /// Adds the force of Rayleigh damping at the mean velocity u/Δt, and its stiffness.
@@ -203,7 +220,9 @@ impl<const D: usize, const N: usize> Term<D, N> for Inertia<D, N> {
             moving.prepare(step, points, sum);
         }
         moving.last.copy_from_slice(at.delta_d);
-        let Moving { mass: Some(mass), force, constant, .. } = moving else { return Ok(()) };
+        moving.end = OnceCell::new();
+        let Moving { mass: Some(mass), force, constant, resultant, .. } = moving else { return Ok(()) };
+        *resultant = [0.0; D];
         let mut moved = vec![[0.0; N]; at.delta_d.len()];
         mass.multiply(sum, at.delta_d, &mut moved);
         for (node, (moved, constant)) in moved.iter().zip(&*constant).enumerate() {
@@ -211,6 +230,7 @@ impl<const D: usize, const N: usize> Term<D, N> for Inertia<D, N> {
             for d in 0..D {
                 let grows = force.displacement * moved[d];
                 sum.internal[node][d] += grows - constant[d];
+                resultant[d] -= grows - constant[d];
                 // In free flight, nothing else has a size.
                 scale[d] = grows.abs().max(constant[d].abs());
             }
@@ -235,7 +255,7 @@ impl<const D: usize, const N: usize> Term<D, N> for Inertia<D, N> {
             ]
             .into();
         };
-        let end = EndOfStep::new(moving, step, points, at.delta_d);
+        let end = moving.end(step, points, at.delta_d);
         let mut ledger = Ledger::from([
             NamedEnergy::stored(Ledger::KINETIC, [end.kinetic_before, end.kinetic]),
             NamedEnergy::dissipated(Ledger::GHOST, end.ghost_loss),
@@ -252,6 +272,12 @@ impl<const D: usize, const N: usize> Term<D, N> for Inertia<D, N> {
         ledger
     }
 
+    fn report(&self, _: &Model<D>, report: &mut TermReport<D>) {
+        if let Some(moving) = &self.moving {
+            report.add_force(INERTIA, moving.resultant);
+        }
+    }
+
     fn excess(&self, step: &StepContext<D>, points: &Points<D>, at: At<N>) -> f64 {
         self.moving.as_ref().map_or(0.0, |moving| motion::excess(moving, step, points, at.delta_d))
     }
@@ -259,7 +285,7 @@ impl<const D: usize, const N: usize> Term<D, N> for Inertia<D, N> {
     fn commit(&mut self, step: &StepContext<D>, points: &mut Points<D>) {
         match &self.moving {
             Some(moving) => {
-                let end = EndOfStep::new(moving, step, points, &moving.last);
+                let end = moving.end(step, points, &moving.last);
                 points.set_motion(&end.velocity, &end.acceleration);
             }
             None if points.velocity().is_some_and(|velocity| velocity.iter().any(|v| *v != 0.0)) => {

@@ -1,5 +1,6 @@
 //! The motion of the points: their momentum on the grid, and their velocity at the end of a step.
 
+use crate::model::Scheme;
 use crate::points::{MOTION, Points};
 use crate::step::{Nodal, StepContext};
 
@@ -55,7 +56,7 @@ pub(super) fn excess<const D: usize, const N: usize>(
     if !allowed.is_finite() {
         return farthest;
     }
-    let end = EndOfStep::new(moving, step, points, delta_d);
+    let end = moving.end(step, points, delta_d);
     let none = vec![0.0; MOTION * points.len()];
     let before = points.velocity().unwrap_or(&none);
     let acceleration = points.acceleration().unwrap_or(&none);
@@ -139,6 +140,18 @@ impl EndOfStep {
             a.as_flattened().iter().zip(b.as_flattened()).map(|(a, b)| a * b).sum()
         };
         let ghost_loss = 0.5 * dot(&resisted, &changes[0]);
+        let mut end = EndOfStep {
+            velocity: after,
+            acceleration: accelerated,
+            kinetic_before,
+            kinetic: kinetic_end,
+            ghost_loss,
+            pic_loss: followed - kinetic_end,
+            algorithmic_loss: 0.0,
+        };
+        if dynamics.scheme == Scheme::Midpoint {
+            return end;
+        }
         // The work of the force of inertia, by the points and the faces of this rank.
         let mut work = 0.0;
         let mut sought = vec![[0.0; N]; delta_d.len()];
@@ -165,14 +178,7 @@ impl EndOfStep {
         let mut pulled = vec![[0.0; N]; delta_d.len()];
         ghost.add_force(D, &sought, &mut pulled);
         work += dot(&pulled, delta_d);
-        EndOfStep {
-            velocity: after,
-            acceleration: accelerated,
-            kinetic_before,
-            kinetic: kinetic_end,
-            ghost_loss,
-            pic_loss: followed - kinetic_end,
-            algorithmic_loss: work - (followed - kinetic_before) - ghost_loss,
-        }
+        end.algorithmic_loss = work - (followed - kinetic_before) - ghost_loss;
+        end
     }
 }
