@@ -70,7 +70,7 @@ def crossings(times, values):
 
 
 def sudden_gravity(h, dt):
-    """A column under a weight that acts at once: rho 2000, H 10, M 1e7; the first mode of a bar dominates."""
+    """A column under a small weight that acts at once: rho 2000, H 10, M 1e7."""
     deck = f"""
 version: 1
 grid: {{type: structured, origin: [0, 0], size: [{h}, 12], spacing: {h}}}
@@ -81,7 +81,7 @@ boundary_conditions:
   - {{name: base, nodes: {{y: 0}}, fix: [y]}}
   - {{name: left, nodes: {{x: 0}}, fix: [x]}}
   - {{name: right, nodes: {{x: {h}}}, fix: [x]}}
-loads: [{{name: weight, type: gravity, acceleration: [0, -9.81], curve: [[0, 1], [1, 1]]}}]
+loads: [{{name: weight, type: gravity, acceleration: [0, -0.0981], curve: [[0, 1], [100, 1]]}}]
 dynamic: {{error: 1e3}}
 steps: {{size: {dt}, end_time: 1.2}}
 solver: {{tolerance: 1e-11}}
@@ -91,7 +91,7 @@ output: {{every: 0, probes: [{{name: top, body: column, nearest: [0, 10]}}]}}
     times, values = columns["time"], columns["top_uy"]
     time, largest = peak(times, values)
     # The first minimum of the displacement after the peak ends the period.
-    return {"peak": (largest, 0.196200), "half period": (time, 0.565685 / 2)}, defect(columns)
+    return {"peak": (largest, 0.00196200), "half period": (time, 0.565685 / 2)}, defect(columns)
 
 
 def cantilever(h, dt):
@@ -132,7 +132,7 @@ bodies:
     point_spacing: {h / 2}
     shape: {{type: rotate, angle: 60, center: [0, 0], shape: {{type: box, min: [-0.1, -0.9], max: [0.1, 0.1]}}}}
 boundary_conditions: [{{name: pin, nodes: {{box: {{min: [-1e-6, -1e-6], max: [1e-6, 1e-6]}}}}, fix: [x, y]}}]
-loads: [{{name: weight, type: gravity, acceleration: [0, -9.81], curve: [[0, 1], [1, 1]]}}]
+loads: [{{name: weight, type: gravity, acceleration: [0, -9.81], curve: [[0, 1], [100, 1]]}}]
 dynamic: {{error: 1e3}}
 steps: {{size: {dt}, end_time: 1.8}}
 output: {{every: 0}}
