@@ -24,8 +24,8 @@ pub struct StageDeck {
     #[schemars(extend("examples" = [{}]))]
     pub dynamic: Option<DynamicDeck>,
     /// What follows where the stage finds no further equilibrium: the run stops, or the next stage, which must have
-    /// inertia, goes on from the last equilibrium with the loads that this stage aimed at, or with the strength at which
-    /// it found no equilibrium. Steps are then neither damped nor made viscous as a last resort.
+    /// inertia, goes on from the last equilibrium with the loads that this stage aimed at, or with the strength divided by
+    /// the factor `to` that it aimed at. Steps are then neither damped nor made viscous as a last resort.
     #[serde(default, skip_serializing_if = "is_default")]
     pub at_limit: AtLimit,
     /// Load steps of the stage; `end_time` is its duration, and a control reaches `to` or `length` within the stage.

@@ -384,18 +384,19 @@ fn goes_on_at_limit<const D: usize>(model: &Model<D>, error: &SolveError) -> boo
     model.stepping.goes_on_at_limit && model.present.stage + 1 < model.stages.len() && error.is_retryable()
 }
 
-/// Keeps the strength divided in stages with inertia that follow a strength reduction: by the smallest factor for which
-/// no equilibrium was found or, if bodies ran away before, by the last one.
-fn hold_strength<const D: usize>(model: &mut Model<D>, progress: &Progress) {
+/// Keeps the strength divided in stages with inertia that follow a strength reduction and go on from its limit: by the
+/// factor that the reduction aimed at.
+fn hold_strength<const D: usize>(model: &mut Model<D>) {
     let stage = model.present.stage;
-    let has_inertia = |stage: &usize| model.stages.get(*stage).is_some_and(|s| s.stepping.dynamics.is_some());
-    let before = (0..stage).rev().find(|stage| !has_inertia(stage));
-    let found = before.filter(|before| {
-        has_inertia(&stage) && model.stages.get(*before).is_some_and(|s| s.stepping.goes_on_at_limit)
+    let stepping = |stage: usize| model.stages.get(stage).map(|stage| &stage.stepping);
+    let has_inertia = |stage: usize| stepping(stage).is_some_and(|stepping| stepping.dynamics.is_some());
+    let before = (0..stage).rev().find(|earlier| !has_inertia(*earlier)).filter(|_| has_inertia(stage));
+    let held = before.and_then(stepping).filter(|stepping| stepping.goes_on_at_limit);
+    let aimed_at = held.and_then(|stepping| match stepping.control {
+        Control::StrengthReduction { to, .. } => Some(to),
+        Control::Load | Control::Displacement { .. } | Control::ArcLength { .. } => None,
     });
-    let bracket = |before| progress.strength.iter().find(|found| found.stage == before);
-    let bracket = found.and_then(bracket).map(|found| found.bracket);
-    model.stepping.held_strength = bracket.and_then(|bracket| bracket.fails.or(bracket.stands));
+    model.stepping.held_strength = aimed_at;
 }
 
 /// Solves all steps from the current one to the end of the last stage; each stage, and each step on a grid that moves,
@@ -413,7 +414,7 @@ fn all_stages<const D: usize, const N: usize>(
     loop {
         let Step { index, end, .. } = reached.progress.step;
         model.place_grid(end).map_err(|error| SolveError::GridMotion { step: index + 1, error })?;
-        hold_strength(model, &reached.progress);
+        hold_strength(model);
         let before = std::mem::replace(reached, Reached::nothing(points));
         let mut stepper = extension.stepper(model, points)?.resume(before)?;
         let outcome = loop {

@@ -1,0 +1,3 @@
+fn main() {
+    print!("{}", mpm_deck::reference::reference_markdown());
+}
