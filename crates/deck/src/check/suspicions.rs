@@ -225,7 +225,7 @@ pub(crate) fn formulas_of_bodies(deck: &Deck) -> Vec<String> {
         _ => None,
     });
     let properties = deck.materials.values().flat_map(MaterialDeck::properties).map(|(_, given)| given);
-    let velocities = deck.bodies.iter().filter_map(|body| body.velocity.as_ref()).flatten();
+    let velocities = deck.bodies.iter().filter_map(|body| body.velocity.clone()).flatten();
     let all = motions.chain(stresses.flatten()).chain(properties).chain(velocities);
     all.filter_map(|e| e.as_formula().map(str::to_owned)).collect()
 }

@@ -1,3 +1,0 @@
-fn main() {
-    print!("{}", mpm_deck::reference::reference_markdown());
-}
