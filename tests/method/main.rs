@@ -14,6 +14,7 @@ mod failure;
 mod fields;
 mod further_fields;
 mod gmsh;
+mod inertia;
 mod inline_vtu;
 mod iterative;
 mod linear;

@@ -15,6 +15,7 @@ mod arrays;
 mod body_contact;
 mod boundary_condition;
 mod builder;
+mod dynamics;
 mod filling;
 mod fitting;
 mod initial_state;
@@ -34,6 +35,7 @@ pub use arrays::HistoryVariable;
 pub use body_contact::{BodyContact, BodyGroups, Glued};
 pub use boundary_condition::{BoundaryCondition, NodeSet, OnSurface, displacement_at};
 pub use builder::{BuildError, Builder, Fill};
+pub use dynamics::{Absorbed, Dynamics, ForceOfInertia, Scheme};
 pub use filling::{FillError, Fillable, FilledRegion, Filling, Fit, MAX_POINTS, Placement};
 pub use initial_state::InitialImbalance;
 pub use lift::Lift;
@@ -237,7 +239,17 @@ impl<const D: usize> Model<D> {
 
     /// Share of the released forces that still acts at a time, [-].
     pub fn share_not_released(&self, time: f64) -> f64 {
+        if self.stepping.dynamics.is_some() {
+            // With inertia, what goes ceases to act at once, and absorbing boundaries go on to carry what they carried.
+            return if self.present.absorbed.is_empty() { 0.0 } else { 1.0 };
+        }
         ((self.stepping.end_time - time) / self.stepping.duration()).clamp(0.0, 1.0)
+    }
+
+    /// True if the bodies move with inertia in any stage.
+    pub fn has_inertia(&self) -> bool {
+        let in_stages = self.stages.iter().map(|stage| &stage.stepping);
+        in_stages.chain([&self.stepping]).any(|stepping| stepping.dynamics.is_some())
     }
 
     /// The method of each body.

@@ -5,6 +5,7 @@
 //! | `stepper` | the sequence of steps |
 //! | `stepping`: `pace`, `control` | the size of steps; beyond the paper: unknown load factor, prediction |
 //! | `stepping`: `strength` | factors of a strength reduction, and displacements during it |
+//! | `stepping`: `rest` | the end of a motion with inertia |
 //! | `stepping`: `splitting` | domains that have become too long are split between steps |
 //! | `refusal` | the recovery from a failed attempt |
 //! | `stages`, `release` | the transition between stages: what is added and removed, and the forces that are released |
@@ -83,6 +84,7 @@ pub use stepper::{Kernels, Stepper};
 pub use stepping::control::{Motion, NoPath, Path, path_length};
 pub use stepping::limit::{LimitLoad, StageLimit};
 pub use stepping::pace::Pace;
+pub use stepping::rest::StageRest;
 pub use stepping::strength::{StageStrength, StrengthBracket};
 pub use summary::Summary;
 

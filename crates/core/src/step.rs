@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use serde::{Deserialize, Serialize};
 
 use crate::basis::Connectivity;
-use crate::model::{Model, Stabilisation, StabilisationMode};
+use crate::model::{Dynamics, Model, Stabilisation, StabilisationMode};
 
 /// A load step: the time it starts from and the time it reaches.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
@@ -72,6 +72,24 @@ impl<'a, const D: usize> StepContext<'a, D> {
             factor: 0.0,
             viscosity: 0.0,
             experiment: None,
+        }
+    }
+
+    /// The motion with inertia in the step; `None` in statics.
+    pub fn dynamics(&self) -> Option<Dynamics> {
+        self.model.stepping.dynamics
+    }
+
+    /// Weight of the end of the step in its forces, [-]: 1 in statics.
+    pub fn weight(&self) -> f64 {
+        self.dynamics().map_or(1.0, |dynamics| dynamics.scheme.weight())
+    }
+
+    /// The time whose values loads have in the step: its end or, with inertia, the time that its mean forces stand for.
+    pub fn load_time(&self) -> f64 {
+        match self.dynamics() {
+            None => self.step.end,
+            Some(_) => self.step.start + self.weight() * self.step.duration(),
         }
     }
 

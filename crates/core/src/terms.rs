@@ -1,9 +1,10 @@
 //! The terms of equilibrium. Each adds forces and stiffness to the grid; Newton's method uses only their sum.
 //!
-//! Five terms are built in: the material points, the ghost stabilisation, the external forces on material points, the
-//! surfaces with their loads and weak conditions, and the contact with rigid tools. A new term implements [`Term`], in
+//! Seven terms are built in: the material points, their inertia, absorbing boundaries, the ghost stabilisation, the external forces on material
+//! points, the surfaces with their loads and weak conditions, and the contact with rigid tools. A new term implements [`Term`], in
 //! a file here or in another crate.
 
+mod absorbing;
 mod attached;
 pub mod contact;
 pub mod external_force;
@@ -11,6 +12,7 @@ mod failure;
 pub mod ghost;
 mod global_unknowns;
 pub mod held_material;
+mod inertia;
 mod layout;
 mod ledger;
 pub mod material_points;
@@ -23,6 +25,7 @@ mod sum;
 pub mod surface;
 mod term;
 
+pub use absorbing::Absorbing;
 pub use attached::{Attached, Obstacle};
 pub use contact::{
     Contact, ContactPoint, FacetPoint, Mode, PairState, PartState, StartOverlap, ToolState, boxes_on_the_way,
@@ -33,6 +36,7 @@ pub use failure::{
     SurfaceLost, TermFailure,
 };
 pub use global_unknowns::{GlobalMotion, GlobalUnknowns};
+pub use inertia::Inertia;
 pub use layout::Layout;
 pub use ledger::{Amount, Ledger, NamedEnergy, Role, continued, sum_over_ranks};
 pub use multipliers::{Augmentation, Multipliers, Response};

@@ -14,6 +14,7 @@ mod lifts;
 mod loading;
 mod magnitudes;
 mod materials;
+mod motions;
 mod moving_grid;
 mod nearest;
 mod nodes;
@@ -29,6 +30,7 @@ pub(crate) mod tool_shapes;
 mod tools;
 mod tools_at_start;
 mod typical;
+mod velocities;
 
 use std::collections::HashMap;
 
@@ -245,7 +247,7 @@ where
             .chain(tools.iter().flat_map(|tool| tool.curves()))
             .collect();
         let stepping = match &deck.steps {
-            Some(steps) => self.stepping(steps, 0.0, deck.output.every, &curves),
+            Some(steps) => self.stepping((steps, deck.dynamic.as_ref()), 0.0, deck.output.every, &curves),
             None => Stepping::fixed(1, deck.end_time()),
         };
         let mut model = Model {
@@ -275,6 +277,9 @@ where
         self.initial_stresses(&model, &mut points, &regions);
         if model.takes_means() {
             points.prepare_deviations();
+        }
+        if deck.has_inertia() {
+            self.velocities(&mut points);
         }
         self.divide(&mut model, &mut points, &regions);
         self.group_bodies(&mut model, &points);

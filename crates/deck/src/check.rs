@@ -4,6 +4,7 @@
 //! are part of the schema. All faults are reported at once.
 
 mod contacts;
+mod dynamics;
 mod extent;
 mod follow;
 mod geometry;
@@ -52,6 +53,7 @@ pub fn validate(deck: &Deck, source: &Source) -> Vec<Diagnostic> {
     check.output();
     check.stages();
     check.control();
+    check.dynamics();
     assign(Gate::Meaning, &mut check.found);
     check.found
 }
@@ -184,6 +186,7 @@ impl Check<'_> {
             self.split_above(&pointer, body);
             self.strain(&pointer, body);
             self.initial_stress(&pointer, body);
+            self.velocity(&pointer, body);
             if let Some(extent) = self.shape(&format!("{pointer}/shape"), &body.shape, grid) {
                 self.points(&pointer, body, &extent, grid);
                 boxes.push((index, extent));

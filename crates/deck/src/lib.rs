@@ -20,6 +20,7 @@ pub use boundary_conditions::{
 pub use build::{first_step, holding, plan, ready, size};
 pub(crate) use build::{placing, seeding, tool_shapes};
 pub use contacts::{All, Between, BodyContactDeck};
+pub use dynamic::{AbsorbDeck, DampingDeck, DynamicDeck, MotionDeck, MotionQuantity, SchemeDeck};
 pub use grid::{AxisSpacing, FollowDeck, GridDeck, IntervalDeck, SpacingDeck, Unrefined};
 pub use initial_stress::{InitialStressDeck, StressDeck, initial_factor};
 pub use laws::{
@@ -49,7 +50,7 @@ pub use read::{changes, load, references, schema, source};
 pub(crate) use read::{hash, parameters, shape, span, yaml};
 pub use refined_place::{AlongAxes, RefineDeck, RefinedAt};
 pub use region::{Direction, GroupDeck, GroupOfDimension, Shape};
-pub use stages::{AddDeck, PlacedDeck, Reset, StageDeck, ThenDeck};
+pub use stages::{AddDeck, AtLimit, PlacedDeck, Reset, StageDeck, ThenDeck};
 pub use steps::{ControlDeck, StepsDeck, Until};
 pub use surfaces::{HalfSpaceDeck, PartDeck, SurfaceDeck};
 pub use tools::{
@@ -64,6 +65,7 @@ pub mod build;
 pub mod check;
 mod contacts;
 pub mod diagnostic;
+mod dynamic;
 pub mod formulas;
 mod gates;
 mod grid;
@@ -170,6 +172,10 @@ pub struct Deck {
     /// Division of the loading into load steps; `stages` takes its place if the analysis consists of several stages.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub steps: Option<StepsDeck>,
+    /// Motion with inertia in an analysis without stages; each of several stages has a key of its own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("examples" = [{}]))]
+    pub dynamic: Option<DynamicDeck>,
     /// Stages of the analysis, one after the other, in place of `steps`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(length(max = 1000))]
@@ -353,6 +359,11 @@ pub struct BodyDeck {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = [{"type": "geostatic", "surface": 10, "k0": 0.5}]))]
     pub initial_stress: Option<InitialStressDeck>,
+    /// Velocity with which the body begins to move, [length/time], one number or formula of x, y and, in space, z (the
+    /// position of the points) per axis. It needs a first stage with inertia, or a stage with inertia that adds the body.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Option<Expressions>", extend("examples" = [[1, 0], ["-5*y", "5*x"]]))]
+    pub velocity: Option<Vec<Expression>>,
 }
 
 /// A box aligned with the axes.

@@ -3,6 +3,7 @@
 //! Another load needs its file, its `mod` line, a variant of [`LoadDeck`] and an arm of `LoadDeck::action_deck`;
 //! nothing else lists the loads.
 
+mod base_motion;
 mod body_force;
 mod gravity;
 mod point_force;
@@ -20,6 +21,7 @@ use super::Expression;
 use super::gates::{Builds, Checks};
 use super::span::escape;
 
+pub use base_motion::BaseMotionDeck;
 pub use body_force::{BodyForceDeck, Per};
 pub use gravity::GravityDeck;
 pub use point_force::{PointForceDeck, PointSelector};
@@ -51,6 +53,7 @@ pub enum LoadDeck {
     PointForce(PointForceDeck),
     Traction(TractionDeck),
     Pressure(PressureDeck),
+    BaseMotion(BaseMotionDeck),
 }
 
 /// What a deck asks of each load.
@@ -60,6 +63,11 @@ pub(crate) trait LoadKeys {
 
     /// Load factor over time, if it is stated.
     fn curve(&self) -> Option<&LoadCurve>;
+
+    /// True if the load has its own course over time.
+    fn follows_time(&self) -> bool {
+        self.curve().is_some()
+    }
 
     /// Names of the bodies on whose points the load acts; `None` for all bodies, and empty for a load on a surface.
     fn bodies(&self) -> Option<&[String]>;
@@ -106,6 +114,7 @@ impl LoadDeck {
             LoadDeck::PointForce(load) => load,
             LoadDeck::Traction(load) => load,
             LoadDeck::Pressure(load) => load,
+            LoadDeck::BaseMotion(load) => load,
         }
     }
 
@@ -122,6 +131,11 @@ impl LoadDeck {
     /// Load factor over time, if it is stated.
     pub fn curve(&self) -> Option<&LoadCurve> {
         self.keys().curve()
+    }
+
+    /// True if the load has its own course over time.
+    pub(crate) fn follows_time(&self) -> bool {
+        self.keys().follows_time()
     }
 
     /// Names of the bodies on whose points the load acts; `None` for all bodies, and empty for a load on a surface.

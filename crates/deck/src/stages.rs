@@ -5,7 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{BodyContactDeck, ControlDeck, Deck, SolverDeck, StepsDeck};
+use super::steps::is_default;
+use super::{AbsorbDeck, BodyContactDeck, ControlDeck, Deck, DynamicDeck, SolverDeck, StepsDeck};
 
 /// A stage of an analysis. It begins in the state in which the previous stage ends, and states only what changes.
 /// Forces that removed bodies, released boundary conditions and replaced materials carried are released over the stage,
@@ -16,6 +17,17 @@ use super::{BodyContactDeck, ControlDeck, Deck, SolverDeck, StepsDeck};
 pub struct StageDeck {
     /// Name, unique among the stages.
     pub name: String,
+    /// Motion with inertia in this stage; without this key, the bodies are in equilibrium throughout. Bodies start from
+    /// rest, unless the stage before also moves them, and end the motion at once where a stage without this key follows.
+    /// What the stage removes ceases to act at once.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("examples" = [{}]))]
+    pub dynamic: Option<DynamicDeck>,
+    /// What follows where the stage finds no further equilibrium: the run stops, or the next stage, which must have
+    /// inertia, goes on from the last equilibrium with the loads that this stage aimed at, or with the strength divided by
+    /// the factor `to` that it aimed at. Steps are then neither damped nor made viscous as a last resort.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub at_limit: AtLimit,
     /// Load steps of the stage; `end_time` is its duration, and a control reaches `to` or `length` within the stage.
     pub steps: StepsDeck,
     /// Factors that loads and boundary conditions reach at the end of the stage, by name. They change linearly from
@@ -40,6 +52,11 @@ pub struct StageDeck {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(extend("examples" = [["prop"]]))]
     pub release: Vec<String>,
+    /// Boundaries that absorb waves in this stage, which must have inertia, in place of boundary conditions on nodes that
+    /// held the bodies before: dashpots of Lysmer and Kuhlemeyer.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(extend("examples" = [[{"condition": "base"}]]))]
+    pub absorb: Vec<AbsorbDeck>,
     /// Names of boundary conditions that begin to act. A condition that a stage sets before any stage releases it does
     /// not act at the start.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -70,6 +87,17 @@ pub struct StageDeck {
     /// Changes at the end of this stage.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub then: Option<ThenDeck>,
+}
+
+/// What follows where a stage finds no further equilibrium.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum AtLimit {
+    /// The run stops.
+    #[default]
+    Stop,
+    /// The next stage goes on with inertia.
+    Next,
 }
 
 /// A body that a stage adds.
@@ -129,7 +157,8 @@ impl StageDeck {
 
     /// Names of the boundary conditions that no longer act.
     pub fn conditions_released(&self) -> Vec<&str> {
-        self.release.iter().map(String::as_str).collect()
+        let absorbed = self.absorb.iter().map(|absorbed| &absorbed.condition);
+        self.release.iter().chain(absorbed).map(String::as_str).collect()
     }
 }
 
@@ -206,7 +235,7 @@ impl Deck {
 
     /// Number of requested load steps.
     pub fn step_count(&self) -> usize {
-        self.courses().iter().map(|(_, steps)| steps.count as usize).sum()
+        self.courses().iter().map(|(_, steps)| steps.count() as usize).sum()
     }
 
     /// True if a body exists, or a boundary condition acts, before the first stage. False only if the first stage that

@@ -11,9 +11,14 @@ use mpm_core::model::AfterSlide;
 #[serde(deny_unknown_fields)]
 pub struct StepsDeck {
     /// Number of equal load steps.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1, max = 10_000_000), extend("examples" = [50]))]
-    pub count: u32,
-    /// Time at the end of the analysis, [time]; time only orders the loading.
+    pub count: Option<u32>,
+    /// Duration of a requested step, [time], in place of `count`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1e-100, max = 1e100), extend("examples" = [0.01]))]
+    pub size: Option<f64>,
+    /// Time at the end of the analysis, [time]. In statics, time only orders the loading.
     #[serde(default = "unit_time")]
     #[schemars(range(min = 1e-100, max = 1e100))]
     pub end_time: f64,
@@ -45,6 +50,7 @@ pub struct StepsDeck {
     /// Where the steps end: at `end_time`, or before it once the load no longer grows. The load is the force that the
     /// prescribed motions need or, with displacement and arc-length control, the load factor; it no longer grows if its
     /// rise with the displacement stays below 1 % of its steepest rise in two steps. Only the last stage can end so.
+    /// Stages with inertia can end once the bodies are at rest.
     #[serde(default, skip_serializing_if = "is_default")]
     pub until: Until,
 }
@@ -58,6 +64,9 @@ pub enum Until {
     End,
     /// Once the load no longer grows with the displacement, or at the end time.
     Limit,
+    /// Once bodies that move with inertia are at rest, or at the end time: their kinetic energy has fallen below 1e-6 of
+    /// the energy that the motion has set free.
+    Rest,
 }
 
 /// Quantity prescribed along the steps; the others follow from equilibrium.
@@ -123,7 +132,7 @@ impl Default for ControlDeck {
     }
 }
 
-fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+pub(crate) fn is_default<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()
 }
 

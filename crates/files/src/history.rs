@@ -7,6 +7,7 @@ use mpm_core::solver::{FailedAttempt, ReactionMoment, Step, StepReport, Summary}
 use mpm_core::terms::{PairState, ToolState};
 
 use super::findings::Findings;
+use super::motion;
 use super::table::Entry;
 
 /// Columns of `quality.csv`.
@@ -130,6 +131,7 @@ pub fn columns_of_history<const D: usize>(model: &Model<D>, beside: &Beside) -> 
     }
     columns.extend(["external_work", "strain_energy"].map(String::from));
     columns.extend(beside.energies.iter().map(|name| format!("{name}_energy")));
+    columns.extend(motion::columns(model));
     columns
 }
 
@@ -207,6 +209,7 @@ pub fn row_of_history<const D: usize>(
         let energy = named.map(|energy| energy.amount.value()).reduce(|sum, energy| sum + energy);
         row.push(energy.map_or(Entry::Missing, Entry::from));
     }
+    row.extend(motion::row(model, points, summary));
     row
 }
 

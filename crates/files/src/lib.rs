@@ -14,6 +14,7 @@ pub mod findings;
 mod frames;
 pub mod history;
 pub mod lock;
+mod motion;
 pub mod record;
 pub mod replace;
 pub mod results;

@@ -121,7 +121,7 @@ impl<const D: usize> Observer<D> for Record {
         self.findings.extremes = Extremes::new(model, points);
         self.summary = Some(self.account.document(
             model,
-            &Whole::new(model, points),
+            &Whole::new(model, points, &reached.summary),
             reached,
             &self.findings,
             &Outcome::new(error),

@@ -29,6 +29,7 @@ pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 use super::fields::{corner_of, number_of_corners};
 use super::findings::Findings;
 use super::invalid;
+use super::motion;
 use super::units::Units;
 use findings::{forces, largest};
 use quality::{at_step, quality};
@@ -293,6 +294,9 @@ impl Account {
         if !summary.further_energies.is_empty() {
             document["energies"] = summary.further_energies.iter().map(further_energy).collect();
         }
+        if let Some(motion) = &whole.motion {
+            document["motion"] = motion.clone();
+        }
         if !model.tools.is_empty() {
             document["friction_work"] = summary.friction_work.into();
         }
@@ -371,11 +375,13 @@ pub(super) struct Whole {
     peak_memory: Option<u64>,
     /// The number of points and the extent of every body.
     bodies: Value,
+    /// The motion with inertia; `None` in statics.
+    motion: Option<Value>,
 }
 
 impl Whole {
     /// Gathers the data of all ranks. All ranks must call this together.
-    pub fn new<const D: usize>(model: &Model<D>, points: &Points<D>) -> Whole {
+    pub fn new<const D: usize>(model: &Model<D>, points: &Points<D>, summary: &Summary) -> Whole {
         let ranks = &points.ranks;
         let peaks = ranks.gather_all(mpm_core::memory::peak());
         Whole {
@@ -383,6 +389,7 @@ impl Whole {
             ranks: ranks.count(),
             peak_memory: peaks.into_iter().flatten().max(),
             bodies: bodies(model, points),
+            motion: model.has_inertia().then(|| motion::section(points, summary)),
         }
     }
 }

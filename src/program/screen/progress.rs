@@ -339,8 +339,12 @@ where
 
     fn bisected(&mut self, model: &Model<D>, points: &Points<D>, step: Step) -> io::Result<()> {
         let part = (step.end - step.start) / model.stepping.size();
+        let why = match model.stepping.dynamics {
+            None => "the bodies begin to slide in a step",
+            Some(_) => "the motion changes too much, or goes too far, in a step",
+        };
         self.log(&format!(
-            "the bodies begin to slide in a step of {} times the requested size; the next attempt is half as large",
+            "{why} of {} times the requested size; the next attempt is half as large",
             significant(part, 3)
         ));
         self.update_status();

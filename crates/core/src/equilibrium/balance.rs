@@ -114,17 +114,7 @@ impl Energy {
         f_int_start: &[[f64; N]],
         ledger: &Ledger,
     ) -> Energy {
-        let friction = ledger.energy(Ledger::FRICTION);
-        let mut energy = Energy {
-            stabilisation_work: ledger.energy(Ledger::STABILISATION),
-            strain_energy: ledger.energy(Ledger::ELASTIC),
-            plastic_work: ledger.energy(Ledger::PLASTIC),
-            undone_work: ledger.energy(Ledger::UNDONE),
-            friction_work: friction,
-            external_work: friction,
-            further: ledger.further(),
-            ..Energy::default()
-        };
+        let mut energy = Energy::of_terms(ledger);
         for (node, du) in delta_d.iter().enumerate().filter(|(node, _)| reduction.counts(*node)) {
             for d in 0..D {
                 let [before, after] = [start, end].map(|force| force.load[node][d] + force.reaction[node][d]);
@@ -133,6 +123,36 @@ impl Energy {
             }
         }
         energy.summed(reduction)
+    }
+
+    /// As [`Energy::new`], for a step with inertia: these forces act over the whole step.
+    pub fn in_mean<const D: usize, const N: usize>(
+        reduction: &Reduction,
+        delta_d: &[[f64; D]],
+        mean: AppliedForces<N>,
+        ledger: &Ledger,
+    ) -> Energy {
+        let mut energy = Energy::of_terms(ledger);
+        for (node, du) in delta_d.iter().enumerate().filter(|(node, _)| reduction.counts(*node)) {
+            let work = |d: usize| (mean.load[node][d] + mean.reaction[node][d]) * du[d];
+            energy.external_work += (0..D).map(work).sum::<f64>();
+        }
+        energy.summed(reduction)
+    }
+
+    /// The energies of the terms, on this rank, without the work of loads and reactions.
+    fn of_terms(ledger: &Ledger) -> Energy {
+        let friction = ledger.energy(Ledger::FRICTION);
+        Energy {
+            stabilisation_work: ledger.energy(Ledger::STABILISATION),
+            strain_energy: ledger.energy(Ledger::ELASTIC),
+            plastic_work: ledger.energy(Ledger::PLASTIC),
+            undone_work: ledger.energy(Ledger::UNDONE),
+            friction_work: friction,
+            external_work: friction,
+            further: ledger.further(),
+            ..Energy::default()
+        }
     }
 }
 

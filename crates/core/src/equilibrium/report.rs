@@ -129,6 +129,8 @@ pub struct StepReport<const D: usize> {
     pub moment_error: Option<f64>,
     /// Load factor at the end of the step, if all loads and prescribed motions share one, [-].
     pub load_factor: Option<f64>,
+    /// By how much the step was too long for a term, such as inertia: its error relative to the error allowed, [-].
+    pub excess: f64,
     /// Factor by which the strength of the materials is divided, [-]; `None` at full strength.
     pub strength_factor: Option<f64>,
     /// Number of free degrees of freedom.

@@ -4,7 +4,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::points::Points;
 
-use super::{BodyContact, BodyGroups, Control, Lift, Load, LoadCurve, Model, Newton, Released, Stepping};
+use super::{
+    Absorbed, BodyContact, BodyGroups, Control, Lift, Load, LoadCurve, Model, Newton, Released, Stepping,
+};
 
 /// A stage of an analysis: the changes at its beginning, and its load steps.
 #[derive(Debug, Clone)]
@@ -23,6 +25,8 @@ pub struct Stage<const D: usize> {
     pub boundary_conditions: Vec<Course>,
     /// Boundary conditions that no longer act. The forces that they carried are released over the stage.
     pub released: Vec<usize>,
+    /// Boundaries that absorb waves in place of conditions, which are among those that no longer act.
+    pub absorbed: Vec<Absorbed<D>>,
     /// Boundary conditions that act again, or for the first time.
     pub set: Vec<usize>,
     /// The points of bodies that are added: undeformed, at their original positions, and in the initial state of the
@@ -106,6 +110,7 @@ impl<const D: usize> Model<D> {
         for ((condition, course), stands) in conditions.zip(&stands.boundary_conditions) {
             course.draw(&mut condition.curve, stepping, *stands);
         }
+        self.present.absorbed.clone_from(&stage.absorbed);
         self.present.change_conditions(self.boundary_conditions.len(), stage);
         for &(body, material) in &stage.materials {
             self.bodies[body].material = material;
@@ -150,6 +155,8 @@ pub struct Present<const D: usize> {
     pub stage: usize,
     /// For each boundary condition, true if it does not act; empty if all conditions act.
     pub is_released: Vec<bool>,
+    /// The boundaries that absorb waves.
+    pub absorbed: Vec<Absorbed<D>>,
     /// The forces that maintain equilibrium at the start of the stage.
     pub released: Released<D>,
 }

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::Dynamics;
+
 /// Difference below which two times count as equal, relative to a requested step, [-].
 pub const SAME_TIME: f64 = 1e-9;
 
@@ -32,6 +34,14 @@ pub struct Stepping {
     /// True if the analysis or stage ends once the load no longer grows, see
     /// [`LimitLoad`](crate::solver::LimitLoad).
     pub until_limit: bool,
+    /// True if the analysis or stage ends once the bodies that move with inertia are at rest.
+    pub until_rest: bool,
+    /// True if the next stage goes on from the last equilibrium where this one finds no further equilibrium.
+    pub goes_on_at_limit: bool,
+    /// Factor by which the strength stays divided in a stage with inertia that follows a strength reduction, [-].
+    pub held_strength: Option<f64>,
+    /// The motion with inertia; `None` in statics.
+    pub dynamics: Option<Dynamics>,
 }
 
 /// Step control: the quantity that is prescribed along the steps.
@@ -115,6 +125,10 @@ impl Stepping {
             knots: Vec::new(),
             control: Control::Load,
             until_limit: false,
+            until_rest: false,
+            goes_on_at_limit: false,
+            held_strength: None,
+            dynamics: None,
         }
     }
 
@@ -156,6 +170,12 @@ impl Stepping {
             return Some(1.0 + (first - 1.0) * ((time - self.start_time) / self.size()).max(0.0));
         }
         Some(from + (to - from) * ((time - self.start_time) / self.duration()))
+    }
+
+    /// Factor by which the strength of the materials is divided at a time, [-], in a strength reduction or after it;
+    /// `None` at full strength.
+    pub fn strength_at(&self, time: f64) -> Option<f64> {
+        self.strength_factor(time).or(self.held_strength)
     }
 
     /// The factor at the end of the first requested step of a strength reduction that begins above 1, [-].

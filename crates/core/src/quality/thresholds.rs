@@ -6,6 +6,10 @@ pub const MAX_REGRIDDING: f64 = 0.1;
 /// Error of the energy balance, [-].
 pub const MAX_ENERGY_ERROR: f64 = 0.1;
 
+/// Error of the integration in time: work of the mean stresses that is neither stored nor dissipated by the laws,
+/// relative to all work, [-].
+pub const MAX_DEFECT: f64 = 0.1;
+
 /// Mean number of cell boundaries that a point without a domain has crossed, [-]; more crossings are harmless as long
 /// as the regridding work is below [`HARMFUL_REGRIDDING`].
 pub const MAX_CROSSINGS: f64 = 0.1;

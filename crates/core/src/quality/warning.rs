@@ -82,6 +82,9 @@ pub enum Code {
     /// Only with viscosity did iterations follow the flow of bodies.
     #[serde(rename = "W024")]
     Viscous,
+    /// The integration of a motion in time creates or loses energy.
+    #[serde(rename = "W025")]
+    TimeIntegration,
 }
 
 /// The codes of all warnings, each with its title.
@@ -110,6 +113,7 @@ pub const CODES: &[(&str, &str)] = &[
     ("W022", "a body added above or below the ground"),
     ("W023", "a run that crawls"),
     ("W024", "a step that only viscosity solves"),
+    ("W025", "energy that the integration in time creates or loses"),
 ];
 
 impl Code {

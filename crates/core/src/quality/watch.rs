@@ -6,8 +6,8 @@ use super::collective;
 use super::overstress::overstress;
 use super::pressure::{InFlow, oscillation_in_flow};
 use super::thresholds::{
-    HARMFUL_REGRIDDING, MAX_BOX_ROTATION, MAX_CROSSINGS, MAX_DILATING_OSCILLATION, MAX_ENERGY_ERROR,
-    MAX_OSCILLATION, MAX_REGRIDDING,
+    HARMFUL_REGRIDDING, MAX_BOX_ROTATION, MAX_CROSSINGS, MAX_DEFECT, MAX_DILATING_OSCILLATION,
+    MAX_ENERGY_ERROR, MAX_OSCILLATION, MAX_REGRIDDING,
 };
 use super::warning::{Code, Detail, Location, Warning};
 use super::{Quality, Worst, contrast, gaps, holding, passing};
@@ -96,6 +96,7 @@ impl Quality {
         let mut found = Vec::new();
         found.extend(balance.regridding_warning(step).map(|warning| (0, warning)));
         found.extend(balance.energy_warning(step).map(|warning| (0, warning)));
+        found.extend(balance.defect_warning(step).map(|warning| (0, warning)));
         found.extend(self.crossings(model, balance, step));
         if found.is_empty() || balance.gross_work <= work_of_round_off(model, points) {
             return Vec::new();
@@ -357,6 +358,8 @@ pub struct BalanceSoFar {
     pub gross_work: f64,
     /// Error of the energy balance, `solver::Summary::energy_error`, [-].
     pub energy_error: f64,
+    /// Error of the integration in time relative to the sum of the magnitudes of all work, [-].
+    pub defect: f64,
 }
 
 impl BalanceSoFar {
@@ -378,6 +381,24 @@ impl BalanceSoFar {
             message: format!(
                 "the forces left out of balance each time the grid is reset have done work equal to {:.0} % of the \
                  external work: displacements and stresses depend on the grid and on the number of steps",
+                100.0 * value.abs()
+            ),
+            detail: None,
+        })
+    }
+
+    fn defect_warning(&self, step: usize) -> Option<Warning> {
+        let value = self.defect;
+        (value.abs() > MAX_DEFECT).then(|| Warning {
+            code: Code::TimeIntegration,
+            step,
+            location: Location::default(),
+            value: Some(value),
+            threshold: Some(MAX_DEFECT),
+            message: format!(
+                "the integration in time has {} energy equal to {:.0} % of all work: the steps are too long for what the \
+                 material does in them",
+                if value > 0.0 { "lost" } else { "created" },
                 100.0 * value.abs()
             ),
             detail: None,

@@ -12,7 +12,7 @@ use crate::points::Points;
 use crate::quality::{Code, Location, Measures, Warning};
 use crate::ranks::Reduction;
 use crate::step::{Nodal, Step, StepContext, displacement};
-use crate::terms::{Driven, Ledger, TermReport, Terms, save};
+use crate::terms::{Driven, Ledger, NamedEnergy, TermReport, Terms, save};
 use crate::timing::{Phase, Timings};
 
 use super::attempt::{Attempt, Ended, FailedAttempt, InProgress, Iterate, Outcome};
@@ -33,6 +33,9 @@ use super::stepping::splitting;
 use super::stepping::strength::Movement;
 use super::summary::Summary;
 use super::unknowns::Unknowns;
+
+/// Excess up to which the next step may be twice as long: the error grows at least with the square of the duration.
+const MAY_DOUBLE: f64 = 0.2;
 
 /// The iterate at which an attempt has ended, in equilibrium or not.
 pub(super) struct LastIterate<'a, const D: usize, const N: usize> {
@@ -90,6 +93,7 @@ impl<const D: usize, const N: usize> LastIterate<'_, D, N> {
             (None, Predictor::None) => Path::default(),
         };
         let forces = unknowns.forces(&course.out_of_balance, sum.system());
+        let excess = sum.excess(&attempt.context, points, unknowns.at());
         let reduction = links.reduction();
         let (mut reactions, further_reactions) = named_reactions(model, reduction, &reaction, dofs);
         let mut moments = reaction_moments(model, points, links, dofs, &delta_d, &reaction);
@@ -123,13 +127,16 @@ impl<const D: usize, const N: usize> LastIterate<'_, D, N> {
             loads,
             forces: named,
             energy,
-            moment_error: moment_error(
-                model,
-                links,
-                &delta_d,
-                AppliedForces { load: f_ext, reaction: &reaction },
-            ),
+            // The moment of inertia forces is no error.
+            moment_error: match attempt.context.dynamics() {
+                None => {
+                    let applied = AppliedForces { load: f_ext, reaction: &reaction };
+                    moment_error(model, links, &delta_d, applied)
+                }
+                Some(_) => None,
+            },
             load_factor,
+            excess,
             strength_factor: model.stepping.strength_factor(step.end),
             unknowns: reduction.count_all(dofs.n_free_at(|node| reduction.counts(node))),
             stabilised_faces: reduction.count_all(stabilised_faces),
@@ -232,14 +239,16 @@ impl<const D: usize, const N: usize> LastIterate<'_, D, N> {
         let ledger = sum.ledger(context, points, unknowns.at());
         let law_energy = ledger.energy(Ledger::ELASTIC) + ledger.energy(Ledger::PLASTIC);
         agree(reduction, with_energy(law_energy, context.model, points, &points.trial, context.step))?;
-        let energy = Energy::new(
-            reduction,
-            &displacement::<D, N>(&unknowns.delta_d),
-            AppliedForces { load: &f_ext_start, reaction: &reaction_start },
-            AppliedForces { load: f_ext, reaction: &reaction },
-            &course.f_int_start,
-            &ledger,
-        );
+        let at_end = AppliedForces { load: f_ext, reaction: &reaction };
+        let delta_d = displacement::<D, N>(&unknowns.delta_d);
+        let energy = match context.dynamics() {
+            None => {
+                let at_start = AppliedForces { load: &f_ext_start, reaction: &reaction_start };
+                Energy::new(reduction, &delta_d, at_start, at_end, &course.f_int_start, &ledger)
+            }
+            // The equations of motion hold in the mean over the step, so its forces act over the whole step.
+            Some(_) => Energy::in_mean(reduction, &delta_d, at_end, &ledger),
+        };
         Ok((if slump.has_begun() { energy.in_slump() } else { energy }, reaction))
     }
 }
@@ -285,7 +294,8 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         progress.step = report.step;
         progress.path = path;
         progress.pace.limit_viscosity(report.viscous_share());
-        progress.pace.succeeded(&model.stepping, report.most_solves);
+        let may_grow = report.excess < MAY_DOUBLE;
+        progress.pace.succeeded_with(&model.stepping, report.most_solves, may_grow);
         progress.carried.clone_from(&report.carried);
         progress.last_iterations = report.solves();
         summary.accept(&report);
@@ -293,6 +303,12 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
             let factor = progress.path.factor;
             let search = progress.limit_of(model.present.stage);
             search.follow(Loading::measured(model, &report, factor), Loading::round_off(model, points));
+        }
+        if model.stepping.until_rest {
+            let kinetic = |energy: &&NamedEnergy| energy.name == Ledger::KINETIC;
+            let kinetic =
+                report.energy.further.iter().find(kinetic).map_or(0.0, |energy| energy.amount.value());
+            progress.rest_of(model.present.stage).follow(kinetic);
         }
         let balance = summary.balance();
         let raised = summary.quality.judge_balances(model, points, &balance, report.step.index);
@@ -352,7 +368,12 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
             && progress.pace.halve(&model.stepping, step.start, step.end)
     }
 
-    /// Reports that a smaller step replaces a converged step in which bodies begin to slide.
+    /// True if a step in equilibrium is too long for a term and a smaller one can take its place.
+    pub(super) fn is_too_long(&mut self, step: Step, excess: f64) -> bool {
+        excess > 1.0 && self.reached.progress.pace.halve(&self.model.stepping, step.start, step.end)
+    }
+
+    /// Reports that a smaller step replaces a converged step in which bodies begin to slide, or which is too long.
     pub(super) fn bisect(
         &mut self,
         report: StepReport<D>,

@@ -13,6 +13,7 @@ use crate::terms::Saved;
 use super::stepping::control::Path;
 use super::stepping::limit::{LimitLoad, StageLimit};
 use super::stepping::pace::Pace;
+use super::stepping::rest::StageRest;
 use super::stepping::strength::{StageStrength, StrengthBracket};
 use super::summary::{MAX_COUNT, Summary};
 
@@ -55,6 +56,9 @@ pub struct Progress {
     /// The load in each stage that runs until its limit, in the order of the stages.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub limits: Vec<StageLimit>,
+    /// The motion in each stage that runs until its bodies are at rest, in the order of the stages.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub rests: Vec<StageRest>,
     /// The saved states of the terms of equilibrium, by term name, [`crate::terms::Term::save`].
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub terms: BTreeMap<String, Saved>,
@@ -118,6 +122,15 @@ impl Progress {
             self.limits.len() - 1
         });
         &mut self.limits[place].limit
+    }
+
+    /// The motion in a stage that runs until its bodies are at rest.
+    pub(super) fn rest_of(&mut self, stage: usize) -> &mut StageRest {
+        let place = self.rests.iter().position(|found| found.stage == stage).unwrap_or_else(|| {
+            self.rests.push(StageRest { stage, ..StageRest::default() });
+            self.rests.len() - 1
+        });
+        &mut self.rests[place]
     }
 
     /// The factors of a stage in which the strength is reduced.

@@ -150,7 +150,10 @@ fn enter<const D: usize, const N: usize>(
     extension: &Extension<D, N>,
 ) -> Result<(), SolveError> {
     let number = model.present.stage + 1;
-    let began = model.factors_at_end(reached.progress.path.factor);
+    // A stage with inertia goes on with what the stage at its limit aimed at.
+    let aims =
+        model.stepping.goes_on_at_limit && model.stages[model.present.stage + 1].stepping.dynamics.is_some();
+    let began = model.factors_at_end(if aims { 1.0 } else { reached.progress.path.factor });
     let time = model.stepping.end_time;
     let step = Step { index: reached.progress.step.index + 1, start: time, end: time };
     let ended = &model.stages[model.present.stage];
@@ -376,6 +379,26 @@ pub fn run_extended<const D: usize, const N: usize>(
     finish(model, points, reached, outcome, observer)
 }
 
+/// True if the next stage takes over where the current one finds no further equilibrium.
+fn goes_on_at_limit<const D: usize>(model: &Model<D>, error: &SolveError) -> bool {
+    model.stepping.goes_on_at_limit && model.present.stage + 1 < model.stages.len() && error.is_retryable()
+}
+
+/// Keeps the strength divided in stages with inertia that follow a strength reduction and go on from its limit: by the
+/// factor that the reduction aimed at.
+fn hold_strength<const D: usize>(model: &mut Model<D>) {
+    let stage = model.present.stage;
+    let stepping = |stage: usize| model.stages.get(stage).map(|stage| &stage.stepping);
+    let has_inertia = |stage: usize| stepping(stage).is_some_and(|stepping| stepping.dynamics.is_some());
+    let before = (0..stage).rev().find(|earlier| !has_inertia(*earlier)).filter(|_| has_inertia(stage));
+    let held = before.and_then(stepping).filter(|stepping| stepping.goes_on_at_limit);
+    let aimed_at = held.and_then(|stepping| match stepping.control {
+        Control::StrengthReduction { to, .. } => Some(to),
+        Control::Load | Control::Displacement { .. } | Control::ArcLength { .. } => None,
+    });
+    model.stepping.held_strength = aimed_at;
+}
+
 /// Solves all steps from the current one to the end of the last stage; each stage, and each step on a grid that moves,
 /// has its own stepper.
 ///
@@ -391,6 +414,7 @@ fn all_stages<const D: usize, const N: usize>(
     loop {
         let Step { index, end, .. } = reached.progress.step;
         model.place_grid(end).map_err(|error| SolveError::GridMotion { step: index + 1, error })?;
+        hold_strength(model);
         let before = std::mem::replace(reached, Reached::nothing(points));
         let mut stepper = extension.stepper(model, points)?.resume(before)?;
         let outcome = loop {
@@ -400,8 +424,10 @@ fn all_stages<const D: usize, const N: usize>(
             }
         };
         *reached = stepper.into_reached();
-        if outcome? {
-            continue; // The grid moves before the next step.
+        match outcome {
+            Ok(true) => continue, // The grid moves before the next step.
+            Err(error) if !goes_on_at_limit(model, &error) => return Err(error),
+            Ok(false) | Err(_) => {}
         }
         if model.present.stage + 1 >= model.stages.len() {
             return Ok(());

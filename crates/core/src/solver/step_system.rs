@@ -50,6 +50,7 @@ impl<const D: usize, const N: usize> StepSystem<D, N> {
             return Err(SolveError::Unheld { step: step.index, node: place.to_vec(), axis });
         }
         begin(terms, context, points)?;
+        Sum::follow_constraints(terms, &dofs);
         let condition = Condition::new(model, points, links, step, &progress.path, terms);
         let sum = Sum::new(std::mem::take(terms), context, &dofs);
         let parts = Parts::new(&joined, links.reduction(), fields.components());

@@ -155,6 +155,9 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         if model.takes_means() {
             points.prepare_deviations();
         }
+        if model.has_inertia() {
+            points.prepare_motion();
+        }
         let reached = Reached::nothing(points);
         Stepper {
             model,
@@ -227,6 +230,9 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
             let was = std::mem::replace(&mut effort, Effort::Usual);
             match attempted {
                 Ok(Outcome::Equilibrium(report, _)) if self.hides_a_slide(step) => {
+                    self.bisect(*report, observer)?;
+                }
+                Ok(Outcome::Equilibrium(report, _)) if self.is_too_long(step, report.excess) => {
                     self.bisect(*report, observer)?;
                 }
                 Ok(Outcome::Equilibrium(report, path)) => self.accept(*report, path, observer)?,
@@ -320,7 +326,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
     /// # Errors
     /// [`SolveError`] if the observer interrupts the run, or the grid has not been placed.
     fn next_step(&self, effort: Effort, observer: &mut dyn Observer<D>) -> Result<Option<Step>, SolveError> {
-        let Progress { step: Step { index, end: start, .. }, strength, limits, pace, .. } =
+        let Progress { step: Step { index, end: start, .. }, strength, limits, rests, pace, .. } =
             &self.reached.progress;
         let stage = self.model.present.stage;
         let stops = self.model.stepping.stops_after_slide();
@@ -328,6 +334,9 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
             return Ok(None);
         }
         if limits.iter().any(|found| found.stage == stage && found.limit.is_reached()) {
+            return Ok(None);
+        }
+        if rests.iter().any(|found| found.stage == stage && found.is_reached()) {
             return Ok(None);
         }
         let Some(end) = pace.end_of_step(&self.model.stepping, *start) else { return Ok(None) };

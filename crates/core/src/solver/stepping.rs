@@ -4,6 +4,7 @@
 pub(super) mod control;
 pub(super) mod limit;
 pub(super) mod pace;
+pub(super) mod rest;
 pub(super) mod splitting;
 pub(super) mod strength;
 mod viscosity;

@@ -9,7 +9,7 @@ use crate::equilibrium::{Energy, InitialState, StepReport};
 use crate::linear::{Nature, Solved};
 use crate::model::Model;
 use crate::quality::{BalanceSoFar, Quality, Warning};
-use crate::terms::{Amount, NamedEnergy, Role, continued};
+use crate::terms::{Amount, Ledger, NamedEnergy, Role, continued};
 use crate::timing::Timings;
 
 use super::diagnosis::Diagnosis;
@@ -128,6 +128,10 @@ impl Summary {
             regridding_work: self.regridding_work,
             gross_work: self.gross_work,
             energy_error: self.energy_error(),
+            defect: match self.gross_work.max(self.kinetic_energy()) {
+                all if all > 0.0 => self.defect() / all,
+                _ => 0.0,
+            },
         }
     }
 
@@ -156,16 +160,33 @@ impl Summary {
         shares.reduce(|sum, share| sum + share).unwrap_or(0.0)
     }
 
+    /// The largest kinetic energy that is known of a motion with inertia, at its start or now, [energy].
+    fn kinetic_energy(&self) -> f64 {
+        let of_motion = self.further_energies.iter().filter(|energy| energy.name == Ledger::KINETIC);
+        let amounts = of_motion.map(|energy| match energy.amount {
+            Amount::State { now, start } => now.max(start),
+            Amount::Accrued(energy) => energy,
+        });
+        amounts.fold(0.0, f64::max)
+    }
+
+    /// Work of the mean stresses of steps with inertia that was neither stored nor dissipated by the laws, [energy].
+    pub fn defect(&self) -> f64 {
+        let is_defect = |energy: &&NamedEnergy| energy.name == Ledger::DEFECT;
+        self.further_energies.iter().filter(is_defect).map(|energy| energy.amount.value()).sum()
+    }
+
     /// Energy that was supplied so far but neither stored nor dissipated, relative to the sum of the magnitudes of all
     /// work, [-]: the error of the trapezoidal rule, which falls with the square of the step size. Round-off in the
     /// energy of an initial stress does not count.
     pub fn energy_error(&self) -> f64 {
         let missing = self.unexplained_energy();
+        let all = self.gross_work.max(self.kinetic_energy());
         if let Some(InitialState { energy, .. }) = self.initial_state {
-            let counts = missing.abs() > ROUND_OFF * energy && self.gross_work > MIN_WORK * energy;
-            return if counts { missing / self.gross_work } else { 0.0 };
+            let counts = missing.abs() > ROUND_OFF * energy && all > MIN_WORK * energy;
+            return if counts { missing / all } else { 0.0 };
         }
-        if self.gross_work > 0.0 { missing / self.gross_work } else { 0.0 }
+        if all > 0.0 { missing / all } else { 0.0 }
     }
 
     /// Adds the account of a converged step.

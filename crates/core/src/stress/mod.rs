@@ -4,7 +4,7 @@
 //! [`plane_strain`] has a closed form for motions that keep z a principal direction. [`solid`] is the general kernel in
 //! three dimensions, and [`axisymmetric`] adapts it to bodies of revolution. The updated Lagrangian formulation is
 //! [`Current`], which F-bar uses as well. Tests compare all kernels with each other and with transcriptions of the
-//! equations.
+//! equations. [`Midpoint`] averages the stress over a step with inertia.
 #![allow(non_snake_case)]
 
 mod averaged_solid;
@@ -15,6 +15,7 @@ mod deviation;
 mod dilated;
 mod in_plane;
 mod isotropic;
+mod midpoint;
 mod plane_strain;
 mod principal;
 mod products;
@@ -37,6 +38,7 @@ pub use deviation::{Deviated, Deviating, Deviation, Resistance, Slopes, Summable
 pub use dilated::{Averaged, Averaging, Centred, Centring, FBar, MeanDilatation};
 pub use in_plane::InPlane;
 pub use isotropic::Isotropic;
+pub use midpoint::{Averageable, Midpoint, StressAtStart};
 pub use plane_strain::PlaneStrain;
 pub(crate) use principal::MAX_HISTORY;
 pub use solid::{Solid, Spatial};
@@ -143,7 +145,7 @@ pub trait Mechanics<const D: usize>: Copy + Send + Sync + 'static {
     type Isotropic: WeakForm<D>;
     /// A point in the updated Lagrangian formulation, whose volume ratio may be the value at the centre of its cell, or
     /// which may take the mean increment of its cell.
-    type Current: WeakForm<D> + Centring<D> + Summable;
+    type Current: WeakForm<D> + Centring<D> + Summable + Averageable<D>;
     /// A point whose volume ratio may be the mean over its cell.
     type Averaging: Averaging<D>;
     /// As [`Mechanics::Averaging`], for laws with isotropic spatial moduli.

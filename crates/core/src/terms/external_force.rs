@@ -235,17 +235,19 @@ impl<const D: usize, const N: usize> Term<D, N> for ExternalForces<D> {
             let at_node = |force: &[f64; D]| force.map(|f| share * f);
             released.as_ref().map(|forces| forces.iter().map(at_node).collect::<Nodal<D>>())
         };
-        self.released = acting(step.end);
+        self.released = acting(context.load_time());
         if model.stepping.control.has_unknown_factor() {
             return Ok(self.begin_unknown(context, points, acting(step.start))?);
         }
         let load = |time| external_force(model, points, links, time); // (24), (25), (29)
-        let ExternalForce { nodal, resultants } = load(step.end)?;
+        let ExternalForce { nodal, resultants } = load(context.load_time())?;
         // Without initial stress, no load acts yet at time 0, whatever the values of the curves.
         let is_loaded = step.start > 0.0 || model.initial_imbalance.is_some();
         self.start = if is_loaded { load(step.start)?.nodal } else { vec![[0.0; D]; nodal.len()] };
         (self.end, self.resultants, self.unknown) = (nodal, resultants, None);
-        for (forces, released) in [(&mut self.start, acting(step.start)), (&mut self.end, acting(step.end))] {
+        for (forces, released) in
+            [(&mut self.start, acting(step.start)), (&mut self.end, acting(context.load_time()))]
+        {
             if let Some(released) = released {
                 add(forces, &released);
             }

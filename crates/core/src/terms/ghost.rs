@@ -36,6 +36,15 @@ use super::term::{Character, Coupled, Term};
 /// which would otherwise have no stiffness, and too little to carry load where the material flows.
 const OF_FEW_POINTS: f64 = 0.01;
 
+/// What a penalty on jumps resists.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Resists {
+    /// Displacement increments, in proportion to the shear modulus.
+    Displacement,
+    /// Accelerations, in proportion to the density.
+    Acceleration,
+}
+
 /// The stiffness of the penalty, face by face. It couples each axis only with itself, and is the same for all axes.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Ghost {
@@ -62,17 +71,36 @@ struct Bodies<'a, const D: usize> {
     few: &'a HashSet<(BodyGroup, u32)>,
     /// Number of the group.
     bodies: BodyGroup,
+    resists: Resists,
 }
 
 impl Ghost {
     /// The faces to stabilise in a step that starts from the converged state, to which `links` belong.
     pub fn new<const D: usize>(model: &Model<D>, points: &Points<D>, links: &Connectivity<D>) -> Ghost {
-        Ghost::with(model.stabilisation, model, points, links)
+        Ghost::with(model.stabilisation, Resists::Displacement, model, points, links)
+    }
+
+    /// The ghost mass with this factor, [-], on the faces of all cells at the boundary of the material and of cells of few
+    /// points, unless the model rules stabilisation out: as the stiffness, with ρ h² in place of G.
+    pub fn of_mass<const D: usize>(
+        factor: f64,
+        model: &Model<D>,
+        points: &Points<D>,
+        links: &Connectivity<D>,
+    ) -> Ghost {
+        // Bodies in motion disperse: nodes with hardly any mass lie at all cells of their boundary.
+        let mode = match model.stabilisation.mode {
+            StabilisationMode::Off => StabilisationMode::Off,
+            StabilisationMode::Auto | StabilisationMode::On => StabilisationMode::On,
+        };
+        let stabilisation = Stabilisation { parameter: factor, mode, ..model.stabilisation };
+        Ghost::with(stabilisation, Resists::Acceleration, model, points, links)
     }
 
     /// As [`Ghost::new`], with a stabilisation that need not be that of the model.
     fn with<const D: usize>(
         stabilisation: Stabilisation,
+        resists: Resists,
         model: &Model<D>,
         points: &Points<D>,
         links: &Connectivity<D>,
@@ -86,14 +114,14 @@ impl Ghost {
         let few: HashSet<(BodyGroup, u32)> =
             links.reduction().gather_all(few).into_iter().flatten().collect();
         for bodies in 0..links.n_body_groups() as BodyGroup {
-            ghost.add_faces(stabilisation, Bodies { model, links, held: &held, few: &few, bodies });
+            ghost.add_faces(stabilisation, Bodies { model, links, held: &held, few: &few, bodies, resists });
         }
         ghost
     }
 
     /// Adds the faces between cells that a group of bodies touches, with the nodes that this group sees.
     fn add_faces<const D: usize>(&mut self, stabilisation: Stabilisation, of: Bodies<D>) {
-        let Bodies { model, links, held, few, bodies } = of;
+        let Bodies { model, links, held, few, bodies, resists } = of;
         let Stabilisation { mode, parameter, filling } = stabilisation;
         let grid = model.grid.as_ref();
         let (own, beside) = (links.cells_of_bodies(bodies), links.layer_cells());
@@ -125,7 +153,10 @@ impl Ghost {
             let strength = if weak[*a] || weak[*b] {
                 parameter
             } else if both.iter().any(|cell| few.contains(&(bodies, *cell))) {
-                OF_FEW_POINTS * parameter
+                match resists {
+                    Resists::Displacement => OF_FEW_POINTS * parameter,
+                    Resists::Acceleration => parameter,
+                }
             } else {
                 continue;
             };
@@ -136,7 +167,7 @@ impl Ghost {
     /// Adds a face between two cells.
     fn push<const D: usize>(
         &mut self,
-        Bodies { model, links, held, bodies, .. }: Bodies<D>,
+        Bodies { model, links, held, bodies, resists, .. }: Bodies<D>,
         cells: [u32; 2],
         face: &[u32],
         parameter: f64,
@@ -155,7 +186,10 @@ impl Ghost {
         let places = quadrature::<D>(&corners);
         let area: f64 = places.iter().map(|p| p.weight).sum();
         let thickness = grid.thickness(cells.map(|cell| cell as usize), area);
-        let modulus = held.shear_modulus(&nodes);
+        let modulus = match resists {
+            Resists::Displacement => held.shear_modulus(&nodes),
+            Resists::Acceleration => held.density(&nodes) * thickness * thickness,
+        };
         let first = self.stiffness.len();
         self.stiffness.resize(first + nodes.len() * (nodes.len() + 1) / 2, 0.0);
         let mut jump = vec![0.0; nodes.len()];
@@ -200,8 +234,13 @@ impl Ghost {
         &self.stiffness[self.stiffness_start[face]..self.stiffness_start[face + 1]]
     }
 
+    /// The stiffness of all faces, one after the other, [force/length].
+    pub(super) fn entries(&self) -> &[f64] {
+        &self.stiffness
+    }
+
     /// The indices of the blocks to which the stiffness of all faces is added.
-    fn places_in<const N: usize>(&self, sum: &System<N>) -> Vec<[Option<usize>; 2]> {
+    pub(super) fn places_in<const N: usize>(&self, sum: &System<N>) -> Vec<[Option<usize>; 2]> {
         let mut places = Vec::with_capacity(self.stiffness.len());
         for face in 0..self.n_faces() {
             let nodes = self.nodes_of(face);
@@ -248,7 +287,9 @@ impl<const D: usize, const N: usize> Term<D, N> for Ghost {
     }
 
     fn begin(&mut self, step: &StepContext<D>, points: &Points<D>) -> Result<(), BeginError> {
-        *self = Ghost::with(step.stabilisation(), step.model, points, step.links);
+        *self = Ghost::with(step.stabilisation(), Resists::Displacement, step.model, points, step.links);
+        // With inertia, the force grows from zero over the step.
+        self.stiffness.iter_mut().for_each(|stiffness| *stiffness *= step.weight());
         Ok(())
     }
 
@@ -280,8 +321,9 @@ impl<const D: usize, const N: usize> Term<D, N> for Ghost {
         Ok(())
     }
 
-    /// Work of the stabilisation from zero increment, ½ f_G·Δd, which is lost in the next step.
-    fn ledger(&self, _: &StepContext<D>, _: &Points<D>, at: At<N>) -> Ledger {
+    /// Work of the stabilisation from zero increment, ½ f_G·Δd, which is lost in the next step; with inertia, the mean
+    /// force of the step works, f_G·Δd.
+    fn ledger(&self, step: &StepContext<D>, _: &Points<D>, at: At<N>) -> Ledger {
         if self.n_faces() == 0 {
             return Ledger::default();
         }
@@ -289,7 +331,8 @@ impl<const D: usize, const N: usize> Term<D, N> for Ghost {
         self.add_force(D, at.delta_d, &mut force);
         // The force includes only the faces of this rank.
         let work = force.iter().flatten().zip(at.delta_d.iter().flatten()).map(|(f, u)| f * u).sum::<f64>();
-        [NamedEnergy::dissipated(Ledger::STABILISATION, 0.5 * work)].into()
+        let share = if step.dynamics().is_some() { 1.0 } else { 0.5 };
+        [NamedEnergy::dissipated(Ledger::STABILISATION, share * work)].into()
     }
 
     fn report(&self, _: &Model<D>, report: &mut TermReport<D>) {

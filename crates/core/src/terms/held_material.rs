@@ -10,6 +10,8 @@ use crate::points::Points;
 pub struct HeldMaterial {
     /// Σ S_vp V_p, [volume].
     volume: Vec<f64>,
+    /// Σ S_vp m_p, [mass].
+    mass: Vec<f64>,
     /// Σ S_vp V_p of the points with shear stiffness, [volume].
     stiff: Vec<f64>,
     /// Σ S_vp V_p / G_p of these points, [volume/stress].
@@ -21,7 +23,7 @@ impl HeldMaterial {
     pub fn new<const D: usize>(model: &Model<D>, points: &Points<D>, links: &Connectivity<D>) -> Self {
         let moduli = ModuliAtRest::new(model, Modulus::Shear);
         let zeros = || vec![0.0; links.n_active()];
-        let mut held = HeldMaterial { volume: zeros(), stiff: zeros(), flexibility: zeros() };
+        let mut held = HeldMaterial { volume: zeros(), mass: zeros(), stiff: zeros(), flexibility: zeros() };
         for group in 0..links.n_groups() {
             let nodes = links.nodes_of(group);
             for p in links.points_of(group) {
@@ -30,6 +32,7 @@ impl HeldMaterial {
                 links.for_each_value(p, |local, value| {
                     let node = nodes[local] as usize;
                     held.volume[node] += value * volume;
+                    held.mass[node] += value * points.mass[p];
                     if modulus > 0.0 {
                         held.stiff[node] += value * volume;
                         held.flexibility[node] += value * volume / modulus;
@@ -37,7 +40,7 @@ impl HeldMaterial {
                 });
             }
         }
-        for sum in [&mut held.volume, &mut held.stiff, &mut held.flexibility] {
+        for sum in [&mut held.volume, &mut held.mass, &mut held.stiff, &mut held.flexibility] {
             links.reduction().complete_numbers(sum);
         }
         held
@@ -60,6 +63,13 @@ impl HeldMaterial {
             links.of_bodies(bodies, *node as usize).map_or(0.0, |active| self.volume[active] / full)
         };
         corners.nodes().iter().map(held).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Mean density of the material that these nodes carry, [mass/volume]; zero if they carry none.
+    pub fn density(&self, nodes: &[u32]) -> f64 {
+        let sum = |values: &[f64]| nodes.iter().map(|n| values[*n as usize]).sum::<f64>();
+        let volume = sum(&self.volume);
+        if volume > 0.0 { sum(&self.mass) / volume } else { 0.0 }
     }
 
     /// Harmonic mean of the shear modulus of the material that these nodes carry, [stress]: where soft material lies

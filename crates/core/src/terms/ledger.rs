@@ -119,6 +119,23 @@ impl Ledger {
     pub const VISCOUS: &'static str = "viscous";
     /// Energy of the stresses that resist the deviations of points from the mean increment of their cell.
     pub const DEVIATION: &'static str = "deviation from cell means";
+    /// Work of the mean stresses of a step with inertia that is neither stored nor dissipated by the law: the error of
+    /// the integration in time where points yield or share the strain of their cell.
+    pub const DEFECT: &'static str = "defect";
+    /// What a scheme of time integration dissipates on purpose.
+    pub const ALGORITHMIC: &'static str = "algorithmic";
+    /// Kinetic energy of the points.
+    pub const KINETIC: &'static str = "kinetic";
+    /// Kinetic energy of the velocities that ghost mass takes away.
+    pub const GHOST: &'static str = "ghost mass";
+    /// Kinetic energy that the points lose where the velocity of the grid replaces theirs.
+    pub const PIC: &'static str = "PIC";
+    /// What Rayleigh damping dissipates.
+    pub const RAYLEIGH: &'static str = "Rayleigh damping";
+    /// What absorbing boundaries swallow.
+    pub const ABSORBED: &'static str = "absorbed";
+    /// Kinetic energy that is lost where a static stage follows motion.
+    pub const STOPPED: &'static str = "brought to rest";
     /// Energy dissipated by friction between tools and bodies: work of the tools that does not reach the bodies. The
     /// external work contains it.
     pub const FRICTION: &'static str = "friction";

@@ -13,6 +13,7 @@ mod deviation;
 mod dilatation;
 mod evaluation;
 mod mean;
+mod mean_of_step;
 mod mean_room;
 mod viscosity;
 
@@ -25,7 +26,7 @@ use crate::assembly::{NodePairs, System, UNCOUPLED, Wanted};
 use crate::basis::{Connectivity, LinkBuffer};
 use crate::linear::Block;
 use crate::material::{Material, Viscous};
-use crate::model::Model;
+use crate::model::{Model, Scheme};
 use crate::points::{PIECE, Points};
 use crate::step::{At, Experiment, StepContext, displacement};
 use crate::stress::{CellStrain, Mechanics, StartOfStep};
@@ -39,6 +40,7 @@ use super::term::{Character, Coupled, Term};
 use batched::{Batch, batches, laws_that_answer, laws_that_note};
 use deviation::Deviations;
 use evaluation::{Task, Trial, Work};
+use mean_of_step::MeanOfStep;
 
 /// Groups are evaluated in batches of about this many node-pair blocks, so that the dense blocks stay in cache.
 const BATCH: usize = 1 << 14;
@@ -70,6 +72,8 @@ pub struct MaterialPoints<const D: usize, M> {
     step_laws: Vec<Option<Box<dyn Material>>>,
     /// True if the strength is reduced in the current step.
     reduces_strength: bool,
+    /// The mean over a step with inertia; `None` in statics.
+    mean: Option<MeanOfStep<D>>,
     mechanics: PhantomData<M>,
 }
 
@@ -87,6 +91,7 @@ impl<const D: usize, M> Default for MaterialPoints<D, M> {
             batched: Vec::new(),
             step_laws: Vec::new(),
             reduces_strength: false,
+            mean: None,
             mechanics: PhantomData,
         }
     }
@@ -125,6 +130,34 @@ impl<const D: usize, M: Mechanics<D>> MaterialPoints<D, M> {
     }
 }
 
+impl<const D: usize, M: Mechanics<D>> MaterialPoints<D, M> {
+    /// Evaluates the points at the end of the step or, where these average the stress itself, in the mean over it.
+    fn evaluate_end<const N: usize>(
+        &mut self,
+        step: &StepContext<D>,
+        points: &mut Points<D>,
+        at: At<N>,
+        wanted: Wanted,
+        sum: &mut System<N>,
+    ) -> Result<(), EvaluateError> {
+        if self.batched.is_empty() {
+            return Ok(self.pass(step, points, at, Pass { laws: None, adds: true, wanted }, sum)?);
+        }
+        let mut batched = std::mem::take(&mut self.batched);
+        let outcome = self.evaluate_batched(step, points, at, wanted, sum, &mut batched);
+        self.batched = batched;
+        outcome
+    }
+
+    /// Replaces force and stiffness at the end of a step with inertia by those of the mean over the step. As the points
+    /// are the first term, the sums contain nothing else.
+    fn average<const N: usize>(&mut self, weight: f64, at: At<N>, wanted: Wanted, sum: &mut System<N>) {
+        if let Some(mean) = &mut self.mean {
+            mean.average(weight, at, wanted, sum);
+        }
+    }
+}
+
 /// One evaluation of all points.
 struct Pass<'a> {
     /// The law of each point, if some laws are stand-ins for laws that are evaluated in batches.
@@ -146,8 +179,22 @@ impl<const D: usize, M: Mechanics<D>> MaterialPoints<D, M> {
     ) -> Result<(), PointFailure> {
         let StepContext { model, links, .. } = *step;
         let System { pairs, blocks, internal, .. } = sum;
-        let MaterialPoints { start, batches, dense, value, gradient, mapped, deviations, step_laws, .. } =
-            self;
+        let MaterialPoints {
+            start,
+            batches,
+            dense,
+            value,
+            gradient,
+            mapped,
+            deviations,
+            step_laws,
+            mean,
+            ..
+        } = self;
+        let stored = match mean {
+            Some(MeanOfStep::Stress { stored, .. }) => Some(stored.as_slice()),
+            _ => None,
+        };
         let Deviations { held, trial: deviated, .. } = deviations;
         let [mut current, mut before] = dense.each_mut();
         let mut merged = 0..0;
@@ -171,6 +218,8 @@ impl<const D: usize, M: Mechanics<D>> MaterialPoints<D, M> {
                 wanted,
                 laws,
                 step_laws,
+                stored,
+                old_stress: &points.converged.kirchhoff_stress,
                 mechanics: PhantomData,
             };
             let first = links.points_of(batch.start).start;
@@ -238,6 +287,7 @@ impl<const D: usize, const N: usize, M: Mechanics<D>> Term<D, N> for MaterialPoi
         let step_laws = self.step_laws.iter().flatten().map(|law| law.as_ref());
         let mut laws = model.materials.iter().map(|material| material.law.as_ref()).chain(step_laws);
         let is_symmetric = !has_f_bar && laws.all(|law| law.tangent_is_symmetric());
+        let is_symmetric = is_symmetric && !MeanOfStep::<D>::is_of_stress(model);
         Character { is_symmetric, may_slump: true, ..Character::SMOOTH }
     }
 
@@ -260,7 +310,7 @@ impl<const D: usize, const N: usize, M: Mechanics<D>> Term<D, N> for MaterialPoi
         });
         start.collect_into_vec(&mut self.start);
         self.batched = batches(model, points);
-        let factor = model.stepping.strength_factor(step.step.end);
+        let factor = model.stepping.strength_at(step.step.end);
         self.reduces_strength = factor.is_some();
         let laws = model.materials.iter().map(|material| {
             let reduced = factor.and_then(|factor| material.law.with_strength_divided(factor));
@@ -289,6 +339,7 @@ impl<const D: usize, const N: usize, M: Mechanics<D>> Term<D, N> for MaterialPoi
             }));
         }
         self.deviations.begin(model, points);
+        self.mean = MeanOfStep::new(step, points, &self.start);
         Ok(())
     }
 
@@ -303,13 +354,18 @@ impl<const D: usize, const N: usize, M: Mechanics<D>> Term<D, N> for MaterialPoi
         if self.batches.is_empty() {
             self.make_room(step.links, &sum.pairs);
         }
-        if self.batched.is_empty() {
-            return Ok(self.pass(step, points, at, Pass { laws: None, adds: true, wanted }, sum)?);
+        if self.mean.as_ref().is_some_and(|mean| mean.lacks_start())
+            && at.delta_d.as_flattened().iter().any(|u| *u != 0.0)
+        {
+            let zero = vec![[0.0; N]; at.delta_d.len()];
+            let at_start = At { delta_d: &zero, ..at };
+            self.evaluate_end(step, points, at_start, Wanted::Force, sum)?;
+            self.average(step.weight(), at_start, Wanted::Force, sum);
+            sum.internal_force_mut().fill([0.0; N]);
         }
-        let mut batched = std::mem::take(&mut self.batched);
-        let outcome = self.evaluate_batched(step, points, at, wanted, sum, &mut batched);
-        self.batched = batched;
-        outcome
+        self.evaluate_end(step, points, at, wanted, sum)?;
+        self.average(step.weight(), at, wanted, sum);
+        Ok(())
     }
 
     /// The elastic energy counts from the undeformed state.
@@ -347,6 +403,11 @@ impl<const D: usize, const N: usize, M: Mechanics<D>> Term<D, N> for MaterialPoi
             ledger.add(NamedEnergy::dissipated(Ledger::VISCOUS, viscosity::dissipation(step, points)));
         }
         self.deviations.ledger(step.model, &self.start, &mut ledger);
+        if let (Some(mean), Some(dynamics)) = (&self.mean, step.dynamics()) {
+            let grown = elastic + plastic_work - undone - mean.energy_at_start();
+            let name = if dynamics.scheme == Scheme::Midpoint { Ledger::DEFECT } else { Ledger::ALGORITHMIC };
+            ledger.add(NamedEnergy::dissipated(name, mean.work() - grown));
+        }
         ledger
     }
 

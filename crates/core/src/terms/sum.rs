@@ -9,11 +9,13 @@ use crate::points::Points;
 use crate::step::{At, Nodal, StepContext};
 use crate::stress::Mechanics;
 
+use super::absorbing::Absorbing;
 use super::contact::Contact;
 use super::external_force::ExternalForces;
 use super::failure::{BeginError, EvaluateError, agree};
 use super::ghost::Ghost;
 use super::global_unknowns::GlobalMotion;
+use super::inertia::Inertia;
 use super::ledger::Ledger;
 use super::material_points::MaterialPoints;
 use super::multipliers::{Augmentation, Multipliers, Response};
@@ -32,6 +34,11 @@ pub fn model_terms<const D: usize, const N: usize, M: Mechanics<D>>(model: &Mode
         Box::new(Ghost::default()),
         Box::new(ExternalForces::default()),
     ];
+    if model.has_inertia() {
+        // It averages what the points alone have added.
+        terms.insert(1, Box::new(Inertia::default()));
+        terms.push(Box::new(Absorbing::default()));
+    }
     if !model.surfaces.is_empty() {
         terms.push(Box::new(Surfaces::new(model)));
     }
@@ -157,6 +164,11 @@ impl<const D: usize, const N: usize> Sum<D, N> {
     ) -> Result<Self, BeginError> {
         Sum::begin(&mut terms, step, points)?;
         Ok(Sum::new(terms, step, &DofMap::unconstrained(step.links.n_active())))
+    }
+
+    /// Tells all terms the constraints of the step.
+    pub fn follow_constraints(terms: &mut Terms<D, N>, dofs: &DofMap<N>) {
+        terms.iter_mut().for_each(|term| term.follow_constraints(dofs));
     }
 
     /// Begins a step with all terms.
@@ -300,6 +312,17 @@ impl<const D: usize, const N: usize> Sum<D, N> {
             term.ledger(step, points, at).iter().for_each(|energy| sum.add(energy.clone()));
         }
         sum
+    }
+
+    /// The largest number by which the step is too long for a term, see [`Term::excess`].
+    pub fn excess(&self, step: &StepContext<D>, points: &Points<D>, at: At<N>) -> f64 {
+        let (mut first, mut largest) = (0, 0.0f64);
+        for term in &self.terms {
+            let (at, next) = term_unknowns(term.as_ref(), at, first);
+            first = next;
+            largest = largest.max(term.excess(step, points, at));
+        }
+        largest
     }
 
     /// What the terms report of the step, at the last evaluation.

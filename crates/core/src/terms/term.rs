@@ -1,7 +1,7 @@
 //! The interface between Newton's method and a term of equilibrium.
 
 use crate::assembly::{System, Wanted};
-use crate::dofs::{ConstraintError, Constraints};
+use crate::dofs::{ConstraintError, Constraints, DofMap};
 use crate::model::Model;
 use crate::points::Points;
 use crate::step::{At, Nodal, StepContext};
@@ -62,7 +62,8 @@ pub enum Coupled<'a> {
 
 /// A term of equilibrium.
 ///
-/// A step calls [`constrain`](Term::constrain), then [`begin`](Term::begin) once, then [`couples`](Term::couples), then
+/// A step calls [`constrain`](Term::constrain), then [`begin`](Term::begin) once, then
+/// [`follow_constraints`](Term::follow_constraints), then [`couples`](Term::couples), then
 /// [`evaluate`](Term::evaluate) as often as needed, and [`commit`](Term::commit) once the step is in equilibrium. An
 /// abandoned step ends without a call: a term must not change the state that it keeps between steps before
 /// [`commit`](Term::commit).
@@ -88,6 +89,10 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
     /// # Errors
     /// [`BeginError`] if the term cannot begin the step.
     fn begin(&mut self, step: &StepContext<D>, points: &Points<D>) -> Result<(), BeginError>;
+
+    /// Called after [`begin`](Term::begin) with the constraints of the step, for terms that solve equations of their own
+    /// at the nodes.
+    fn follow_constraints(&mut self, _dofs: &DofMap<N>) {}
 
     /// Calls `couple` with each list of nodes that the term couples in this step, in addition to nodes that share a
     /// point.
@@ -127,6 +132,13 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
     /// Work and energy at the end of the step, which is in equilibrium at these unknowns but not yet committed.
     fn ledger(&self, _step: &StepContext<D>, _points: &Points<D>, _at: At<N>) -> Ledger {
         Ledger::default()
+    }
+
+    /// By how much the step is too long for the term, although it is in equilibrium at these unknowns: its error relative
+    /// to the error that the term may have, [-]. Above 1, the step is repeated in halves where it may be cut; all ranks
+    /// return the same number.
+    fn excess(&self, _step: &StepContext<D>, _points: &Points<D>, _at: At<N>) -> f64 {
+        0.0
     }
 
     /// Adds what the term reports of the step, at the last evaluation.

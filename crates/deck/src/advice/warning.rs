@@ -77,6 +77,10 @@ pub fn on_warning(warning: &Warning, means: &Means) -> String {
              `viscosity` and to the size of a step. A little cohesion, or a dilation angle closer to the friction angle, makes \
              such flow easier to follow; with `viscosity: 0` the run stops instead"
         }
+        (Code::TimeIntegration, _) => {
+            "use shorter steps: a smaller `size` under `steps`, or a smaller `error` under `dynamic`; the error falls with the \
+             square of the step"
+        }
         (Code::Unstable, _) => {
             "disturb the bodies with a small load or an imperfection and compare; more load steps show where the path \
              branches; if cells hold one point each, use more points, because this may be an hourglass mode"

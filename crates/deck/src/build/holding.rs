@@ -57,6 +57,14 @@ impl Check<'_> {
                     _ => false,
                 })
         };
+        // What has inertia needs no support.
+        let stepping = match later.and_then(|stage| model.stages.get(stage.number)) {
+            Some(stage) => &stage.stepping,
+            None => &model.stepping,
+        };
+        if stepping.dynamics.is_some() {
+            return Free::new();
+        }
         let mut parts = free_parts(model, points, links, dofs);
         parts.retain(|part| !part.bodies.iter().any(floats));
         let key = |part: &FreePart<D>| (part.bodies.clone(), part.axes.clone(), part.directions.len());

@@ -72,11 +72,12 @@ where
             let Some(action) = load.action(&mut Placing { builder: self, grid, points }, &pointer) else {
                 continue;
             };
+            let base_motion = self.base_motion(load, &pointer);
             loads.push(Load {
                 name: load.name().to_owned(),
                 action,
                 acts_on: self.acts_on(load.bodies()),
-                curve: curve_of(deck, load),
+                curve: base_motion.unwrap_or_else(|| curve_of(deck, load)),
             });
         }
         loads

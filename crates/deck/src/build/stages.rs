@@ -3,7 +3,7 @@
 use super::Builder;
 use crate::initial_stress::initial_factor;
 use crate::region::{DeckRegion, Regions};
-use crate::{ControlDeck, LoadDeck, Reset, StageDeck, StepsDeck, Until};
+use crate::{AtLimit, ControlDeck, DynamicDeck, LoadDeck, Reset, StageDeck, StepsDeck, Until};
 use mpm_core::model::{Control, Controlled, Course, Factors, LoadCurve, Model, Stage, Stepping};
 use mpm_core::points::Points;
 use mpm_core::region::Region;
@@ -15,13 +15,14 @@ where
     /// Load steps that begin at a given time, with result files after every `every` steps.
     pub(super) fn stepping(
         &self,
-        steps: &StepsDeck,
+        (steps, dynamic): (&StepsDeck, Option<&DynamicDeck>),
         start_time: f64,
         every: u32,
         curves: &[&LoadCurve],
     ) -> Stepping {
         let StepsDeck {
-            count,
+            count: _,
+            size: _,
             end_time: duration,
             smallest,
             damping,
@@ -62,7 +63,9 @@ where
                     to: *to,
                 },
             },
-            ..Stepping::fixed(count as usize, end_time)
+            dynamics: dynamic.map(DynamicDeck::dynamics),
+            until_rest: until == Until::Rest,
+            ..Stepping::fixed(steps.count() as usize, end_time)
         };
         if let ControlDeck::StrengthReduction { from, to, tolerance, .. } = control {
             // A step that fails is halved unless it is below twice the smallest size.
@@ -111,7 +114,12 @@ where
                 .chain(model.tools.iter().flat_map(|tool| tool.curves()))
                 .collect();
             let every = if deck.output.every == 0 { 0 } else { stage.every.unwrap_or(deck.output.every) };
-            let stepping = self.stepping(&stage.steps, start_time, every, &curves);
+            let mut stepping =
+                self.stepping((&stage.steps, stage.dynamic.as_ref()), start_time, every, &curves);
+            if stage.at_limit == AtLimit::Next {
+                stepping.goes_on_at_limit = true;
+                (stepping.damping, stepping.viscosity) = (false, 0.0);
+            }
             start_time = stepping.end_time;
             let mut added = points.clone();
             let to_add: Vec<usize> = stage.added().iter().map(|name| self.body_number(name)).collect();
@@ -127,7 +135,11 @@ where
                 every: stage.every.map(|every| every as usize),
                 loads,
                 boundary_conditions,
-                released: stage.release.iter().map(condition).collect(),
+                released: (stage.release.iter())
+                    .chain(stage.absorb.iter().map(|absorbed| &absorbed.condition))
+                    .map(condition)
+                    .collect(),
+                absorbed: self.absorbed(number),
                 set: stage.set.iter().map(condition).collect(),
                 added,
                 lifts: self.lifts(model.grid.as_ref(), regions, points, number),
@@ -161,7 +173,7 @@ where
             None if has_curve => Course::Own,
             None => Course::Stays,
         };
-        let load_course = |load: &LoadDeck| course(load.name(), load.curve().is_some());
+        let load_course = |load: &LoadDeck| course(load.name(), load.follows_time());
         let loads = self.deck.loads.iter().map(load_course).collect();
         let conditions = self.deck.boundary_conditions.iter().map(|c| course(&c.name, c.curve.is_some()));
         (loads, conditions.collect())

@@ -71,7 +71,7 @@ impl Check<'_> {
         let Some(steps) = &self.deck.steps else { return None };
         let end = steps.end_time;
         let curve = load_curve(condition.curve.as_ref(), end);
-        let steps = steps.count.min(MAX_STEPS);
+        let steps = steps.count().min(MAX_STEPS);
         let mut motion = MeanMotion::<D>::new(&extent);
         let mut largest = f64::NEG_INFINITY;
         let mut reached = None;

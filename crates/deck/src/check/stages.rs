@@ -140,9 +140,9 @@ impl Check<'_> {
         let deck = self.deck;
         let mut start = 0.0;
         for (number, stage) in deck.stages.iter().enumerate() {
-            let step = stage.steps.end_time / f64::from(stage.steps.count.max(1));
+            let step = stage.steps.end_time / f64::from(stage.steps.count().max(1));
             if step < SHORTEST * start {
-                let last = match stage.steps.count {
+                let last = match stage.steps.count() {
                     1 => format!("the step of this stage lasts {step:e}, too short to be resolved"),
                     _ => format!(
                         "the steps of this stage last {step:e} each, too short for their times to differ"

@@ -83,7 +83,7 @@ impl Check<'_> {
             } else {
                 any = true;
                 let is_at_work = initial_factor(deck, load) != 0.0 || depends_on_factor(load);
-                if load.curve().is_none() && !is_at_work {
+                if !load.follows_time() && !is_at_work {
                     self.never_named(&format!("/loads/{index}/name"), "load", load.name());
                 }
             }
@@ -104,6 +104,7 @@ impl Check<'_> {
         }
         let mut stresses = deck.bodies.iter().filter_map(|body| body.initial_stress.as_ref());
         any |= stresses.any(|stress| !stress.is_zero());
+        any |= deck.bodies.iter().any(|body| body.velocity.is_some());
         any |= deck.tools.iter().any(ToolDeck::acts);
         // Zero loads have already been reported.
         if !any && deck.loads.is_empty() {
@@ -224,6 +225,7 @@ pub(crate) fn formulas_of_bodies(deck: &Deck) -> Vec<String> {
         _ => None,
     });
     let properties = deck.materials.values().flat_map(MaterialDeck::properties).map(|(_, given)| given);
-    let all = motions.chain(stresses.flatten()).chain(properties);
+    let velocities = deck.bodies.iter().filter_map(|body| body.velocity.clone()).flatten();
+    let all = motions.chain(stresses.flatten()).chain(properties).chain(velocities);
     all.filter_map(|e| e.as_formula().map(str::to_owned)).collect()
 }

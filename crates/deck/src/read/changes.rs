@@ -101,14 +101,14 @@ fn requested_at(deck: &Deck, time: f64) -> Option<usize> {
     let end = deck.end_time();
     let (mut start, mut before) = (0.0, 0);
     for (_, steps) in deck.courses() {
-        let (count, duration) = (f64::from(steps.count), steps.end_time);
+        let (count, duration) = (f64::from(steps.count()), steps.end_time);
         if time <= (start + duration) * (1.0 + SAME) {
             let requested = ((time - start) / duration * count).round();
             let matches = (start + duration * (requested / count) - time).abs() <= SAME * end;
             return matches.then_some(before + requested as usize);
         }
         start += duration;
-        before += steps.count as usize;
+        before += steps.count() as usize;
     }
     None
 }
@@ -118,10 +118,10 @@ fn requested_at(deck: &Deck, time: f64) -> Option<usize> {
 fn count_of_jump(deck: &Deck, time: f64) -> Option<u32> {
     let mut start = 0.0;
     for (_, steps) in deck.courses() {
-        let first = steps.end_time / f64::from(steps.count);
+        let first = steps.end_time / f64::from(steps.count());
         let jumps = matches!(steps.control, ControlDeck::StrengthReduction { from, .. } if from > 1.0);
         if jumps && time > start + SAME * deck.end_time() && time < start + first - SAME * deck.end_time() {
-            return Some(steps.count);
+            return Some(steps.count());
         }
         start += steps.end_time;
     }
@@ -313,7 +313,7 @@ mod tests {
         assert_eq!(changes(&old, &curve("[[0, 0], [0.25, 0.3], [0.5, 0.5], [1, 1]]"), 0.5).len(), 1);
         let mut other = old.clone();
         other.title = None;
-        other.steps.as_mut().unwrap().count = 200;
+        other.steps.as_mut().unwrap().count = Some(200);
         other.solver.max_iterations = Some(7);
         other.output.every = 3;
         assert!(changes(&old, &other, 0.5).is_empty());
@@ -391,10 +391,10 @@ mod tests {
             (75, 25, 25),
             (50, 31, 31), // some of the steps were cut
         ] {
-            deck.steps.as_mut().unwrap().count = count;
+            deck.steps.as_mut().unwrap().count = Some(count);
             assert_eq!(step_at([&old, &deck], 0.5, own), Some(step), "{count}");
         }
-        deck.steps.as_mut().unwrap().count = 3;
+        deck.steps.as_mut().unwrap().count = Some(3);
         assert_eq!(step_at([&old, &deck], 2.0 / 3.0, 0), Some(2));
         assert_eq!(step_at([&old, &deck], 1.0, 50), Some(50));
         assert!(is_end(&deck, 1.0) && !is_end(&deck, 0.999));

@@ -272,7 +272,7 @@ impl Results {
             _ => self.write_checkpoint(points),
         };
         self.findings.extremes = Extremes::new(model, points);
-        let whole = Whole::new(model, points);
+        let whole = Whole::new(model, points, &reached.summary);
         self.points = whole.points;
         // Each part is written even if another could not be written.
         let written = lost.and(rows).and(mesh).and(checkpoint).and(tables);

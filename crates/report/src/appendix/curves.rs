@@ -210,14 +210,27 @@ pub(super) fn load_displacement(runs: &[Run]) -> Option<(String, Chart)> {
 /// Work and energy of a run against load factor or time.
 pub(super) fn energies(run: &Run) -> Chart {
     let progress = Progress::common(std::slice::from_ref(run));
-    let named = [("external work", "external_work"), ("strain energy", "strain_energy")];
+    let mut named = vec![("external work", "external_work"), ("strain energy", "strain_energy")];
+    let in_motion = [
+        ("kinetic energy", "kinetic_energy"),
+        ("plastic work", "plastic_energy"),
+        ("friction", "friction_energy"),
+        ("absorbed by boundaries", "absorbed_energy"),
+        ("defect", "defect_energy"),
+    ];
+    let changes = |(_, column): &(&str, &str)| run.column(column).iter().any(|x| x.is_finite() && *x != 0.0);
+    named.extend(in_motion.into_iter().filter(|of| run.column("kinetic_energy").len() > 1 && changes(of)));
     let curve = |(number, (name, column)): (usize, (&str, &str))| Curve {
         name: name.to_owned(),
         points: progress.points(run, column),
         look: Look::Number(number),
     };
-    let curves = named.into_iter().enumerate().map(curve).collect();
-    let description = format!("external work and strain energy against {}", progress.name());
+    let curves = named.iter().copied().enumerate().map(curve).collect();
+    let names: Vec<&str> = named.iter().map(|(name, _)| *name).collect();
+    let description = match names.len() {
+        2 => format!("external work and strain energy against {}", progress.name()),
+        _ => format!("{} against {}", names.join(", "), progress.name()),
+    };
     let chart = chart(description, progress.axis(), Axis::new("energy", Quantity::Energy), curves);
     Chart { bands: bands_over_time(run), height: 240.0, ..chart }
 }

@@ -45,7 +45,7 @@ pub(super) fn table(page: &mut Page, run: &Run) {
         let is_reached = !rows.is_empty();
         table.row([
             Cell::name(&deck.name),
-            Cell::Html(format!("{} of {}", rows.len(), deck.steps.count)),
+            Cell::Html(format!("{} of {}", rows.len(), deck.steps.count())),
             Cell::Html(format!("{}\u{a0}to\u{a0}{}", html(times[0], 6), html(times[1], 6))),
             Cell::Html(changes(deck)),
             Cell::fixed(is_reached.then_some(iterations), 0),

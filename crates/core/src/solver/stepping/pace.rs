@@ -132,7 +132,8 @@ impl Pace {
         let smallest = stepping.smallest_at(start);
         // Only where a strength reduction passes from a large requested step to smaller ones is the size too small.
         let size = if self.size < smallest * (1.0 - SAME_TIME) { smallest } else { self.size };
-        let (step, rest) = (size * unit, stop - start);
+        let longest = stepping.dynamics.map_or(f64::INFINITY, |dynamics| dynamics.longest);
+        let (step, rest) = ((size * unit).min(longest), stop - start);
         Some(if rest <= step * (1.0 + SAME_TIME) {
             stop
         } else if rest < step * (1.0 + REST) {
@@ -189,6 +190,11 @@ impl Pace {
 
     /// Records a step that has converged in this number of iterations, counted anew after each multiplier update.
     pub fn succeeded(&mut self, stepping: &Stepping, iterations: usize) {
+        self.succeeded_with(stepping, iterations, true);
+    }
+
+    /// As [`Pace::succeeded`]; the next step is no longer than this one unless it `may_grow`.
+    pub fn succeeded_with(&mut self, stepping: &Stepping, iterations: usize, may_grow: bool) {
         self.patience = self.patience.saturating_sub(1);
         self.successes += 1;
         self.crawled = if self.is_short() { self.crawled.saturating_add(1) } else { 0 };
@@ -200,7 +206,7 @@ impl Pace {
             (self.failed_size, self.failures) = (0.0, 0);
         }
         let recovers = self.size < 1.0 && self.successes >= SUCCESSES;
-        if self.patience == 0 && (iterations <= FEW || recovers) {
+        if may_grow && self.patience == 0 && (iterations <= FEW || recovers) {
             let largest = if iterations <= FEW { stepping.largest.max(1.0) } else { 1.0 };
             self.size = (2.0 * self.size).min(largest);
             self.successes = 0;

@@ -13,7 +13,8 @@ use crate::linear::Block;
 use crate::material::Material;
 use crate::model::Model;
 use crate::stress::{
-    Deviated, Formulation, MAX_HISTORY, Mechanics, PointResponse, StartOfStep, WeakForm, suits_lanes,
+    Averageable, Deviated, Formulation, MAX_HISTORY, Mechanics, PointResponse, StartOfStep, StressAtStart,
+    WeakForm, suits_lanes,
 };
 use crate::tensor::{Lanes, Sym3};
 use crate::terms::failure::PointFailure;
@@ -47,6 +48,11 @@ pub(super) struct Task<'a, const D: usize, M> {
     pub(super) laws: Option<&'a [&'a dyn Material]>,
     /// The laws of the materials for the current step, where they are not the laws themselves.
     pub(super) step_laws: &'a [Option<Box<dyn Material>>],
+    /// The stored energy V⁰ W of each point at the start of the step, [energy], if the points add the mean stress of the
+    /// step; otherwise `None`.
+    pub(super) stored: Option<&'a [f64]>,
+    /// Kirchhoff stress at the start of the step.
+    pub(super) old_stress: &'a [Sym3],
     pub(super) mechanics: std::marker::PhantomData<M>,
 }
 
@@ -296,7 +302,7 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
         let task = self.task;
         let p = points.start;
         let law = task.law(p);
-        if UPDATED || !M::VECTORISED || !suits_lanes(law) {
+        if UPDATED || task.stored.is_some() || !M::VECTORISED || !suits_lanes(law) {
             return Ok(None);
         }
         let kept = law.state_fields().len();
@@ -342,6 +348,17 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
         let links = task.links.links(p, room);
         let nodes = task.links.nodes_of(*group);
         let increment = Increment::new(M::REVOLVED, nodes, &links, task.delta_d, &task.position[p]);
+        if let Some(stored) = task.stored {
+            let (old, new) = task.histories(p, trial);
+            let response = M::respond_current(start, &increment, law, old, new).map_err(failure)?;
+            let volume = start.volume_n / start.J_n;
+            let growth =
+                (*old == *new).then(|| volume * law.energy(&response.elastic_strain, new) - stored[p]);
+            let at_start = StressAtStart { tau: task.old_stress[p], volume };
+            let mean = |end: M::Current| end.averaged(&at_start, &increment, growth, task.wanted);
+            keep(p, &response.map(mean), &links, trial, *dense, force);
+            return Ok(());
+        }
         let isotropic = if UPDATED { None } else { M::respond_isotropic(start, &increment, law) };
         if let Some(response) = isotropic {
             keep(p, response.as_ref().map_err(|e| failure(*e))?, &links, trial, *dense, force);

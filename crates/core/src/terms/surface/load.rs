@@ -215,7 +215,7 @@ impl<const D: usize> SurfaceLoad<D> {
             }
         };
         if !model.stepping.control.has_unknown_factor() {
-            self.values = at(load.curve.factor(step.step.end))?;
+            self.values = at(load.curve.factor(step.load_time()))?;
             // Without initial stress, no load acts at time 0, whatever the values of the curves.
             if step.step.start > 0.0 || model.initial_imbalance.is_some() {
                 add(&at(load.curve.factor(step.step.start))?, 1.0);
