@@ -218,7 +218,7 @@ def test_a_block_slides_down_a_slope_that_friction_cannot_carry(mpm, tmp_path):
     process = mpm("run", tmp_path / "deck.yaml", "--out", tmp_path / "out")
     assert process.returncode == 1 and "error[S" in process.stderr, process.stderr
     carried = Results(tmp_path / "out").history["upper_on_lower_fx"].max() / (SLOPE["friction"] * SLOPE["weight"])
-    assert 0.95 < carried < 1 + 1e-9
+    assert 0.93 < carried < 1 + 1e-9
 
 
 def dragged(method, **rest):
