@@ -325,7 +325,7 @@ def softening(program, folder, finest):
 
 
 def point_fields(path):
-    """Arrays of a VTU file of `mpm` by name, one row per point."""
+    """Arrays of a VTU file of `mpm` by name, one row per point, with the positions as `Points`."""
     import zlib
     import xml.etree.ElementTree as ElementTree
 
@@ -334,7 +334,8 @@ def point_fields(path):
     text, _, data = path.read_bytes().partition(b'<AppendedData encoding="raw">')
     data = data[data.index(b"_") + 1 :]
     fields = {}
-    for array in ElementTree.fromstring(text + b"</VTKFile>").find(".//PointData"):
+    piece = ElementTree.fromstring(text + b"</VTKFile>").find(".//Piece")
+    for array in [*piece.find("Points"), *piece.find("PointData")]:
         start = int(array.get("offset"))
         blocks = int(numpy.frombuffer(data, "<u8", 1, start)[0])
         sizes = numpy.frombuffer(data, "<u8", blocks, start + 24)
