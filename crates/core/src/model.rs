@@ -11,6 +11,7 @@ use crate::region::vector::{dot, norm};
 use crate::stress::{CellStrain, Formulation};
 use crate::surface::Surface;
 
+mod absorbed;
 mod arrays;
 mod body_contact;
 mod boundary_condition;
@@ -31,11 +32,12 @@ mod stepping;
 mod tool;
 mod tool_part;
 
+pub use absorbed::Absorbed;
 pub use arrays::HistoryVariable;
 pub use body_contact::{BodyContact, BodyGroups, Glued};
 pub use boundary_condition::{BoundaryCondition, NodeSet, OnSurface, displacement_at};
 pub use builder::{BuildError, Builder, Fill};
-pub use dynamics::{Absorbed, Dynamics, ForceOfInertia, Scheme};
+pub use dynamics::{Dynamics, ForceOfInertia, Scheme};
 pub use filling::{FillError, Fillable, FilledRegion, Filling, Fit, MAX_POINTS, Placement};
 pub use initial_state::InitialImbalance;
 pub use lift::Lift;

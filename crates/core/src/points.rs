@@ -63,6 +63,9 @@ pub enum PointVolume {
     Domain,
 }
 
+/// Number of a group of bodies that share the unknowns of their nodes.
+pub type BodyGroup = u16;
+
 impl<const D: usize> Points<D> {
     /// Number of points.
     pub fn len(&self) -> usize {

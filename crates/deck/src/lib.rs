@@ -74,6 +74,7 @@ mod laws;
 mod loads;
 mod material;
 mod per_axis;
+mod placed;
 pub mod quoting;
 pub mod read;
 pub mod reference;

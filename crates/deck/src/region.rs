@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::per_axis::array;
+use super::placed::placed;
 use super::tool_shapes::DeckTool;
 use super::{Axis, Pair, Vector};
 use mpm_core::grid::{Grid, Mesh, Structured};
@@ -367,26 +367,6 @@ fn moved<const D: usize>(mut parts: Vec<Region<D>>, motion: &Motion<D>) -> Resul
 /// A list of the right length; any other length is reported elsewhere.
 fn vector<const D: usize>(values: &[f64]) -> Result<[f64; D], Refusal> {
     values.try_into().map_err(|_| Refusal::Unknown)
-}
-
-/// How the coordinates in a file are scaled, turned about the origin of the file, and moved.
-///
-/// # Errors
-/// If a number is not finite or the scale is not positive.
-pub(crate) fn placed(
-    scale: Option<f64>,
-    rotate: Option<&[f64]>,
-    at: Option<&[f64]>,
-) -> Result<Motion<3>, ShapeError> {
-    let mut placed = Motion::scaling(scale.unwrap_or(1.0), [0.0; 3])?;
-    if let Some(rotate) = rotate {
-        let axis: [f64; 3] = array(rotate);
-        let angle = axis.iter().map(|x| x * x).sum::<f64>().sqrt();
-        if angle > 0.0 {
-            placed = placed.then(&Motion::<3>::rotation(axis, angle.to_radians(), [0.0; 3])?);
-        }
-    }
-    Ok(placed.then(&Motion::translation(array(at.unwrap_or_default()))?))
 }
 
 fn polygon(corners: &[Vec<f64>], place: &str) -> Result<Polygon, Refusal> {

@@ -6,11 +6,11 @@ mod piece;
 use rayon::prelude::*;
 
 use super::factors::{Form, for_each_product, multiply};
-use super::node_copies::{BodyGroup, NodeCopies};
+use super::node_copies::NodeCopies;
 use super::slivers::{Carriers, SharedTouches, Slivers, Touch};
 use super::{Basis, Method, PointGeometry, Support, SupportError};
 use crate::grid::Grid;
-use crate::points::Points;
+use crate::points::{BodyGroup, Points};
 use crate::ranks::{Halo, Ranks, Reduction, Sharing};
 
 use piece::Piece;

@@ -18,13 +18,14 @@ use crate::points::{Points, coordinates};
 
 use factors::Factors;
 
+pub use crate::points::BodyGroup;
 pub(crate) use bodies::MIN_SHARE;
 pub use bodies::TouchedBy;
 pub use connectivity::{Connectivity, LinkBuffer, Links, SupportFailure};
 pub use cpdi::{CORNER_MARGIN, Cpdi, check_domain, domain_volume, nearest_with_distance};
 pub use gimp::Gimp;
 pub use mpm::Mpm;
-pub use node_copies::{BodyGroup, NodeCopies};
+pub use node_copies::NodeCopies;
 pub use parts::JoinedParts;
 
 /// Material point method.

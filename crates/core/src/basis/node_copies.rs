@@ -7,8 +7,7 @@
 
 use std::ops::Range;
 
-/// Number of a group of bodies that share the unknowns of their nodes.
-pub type BodyGroup = u16;
+use crate::points::BodyGroup;
 
 /// Marks a grid node without copies.
 const NONE: u32 = u32::MAX;

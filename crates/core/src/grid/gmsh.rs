@@ -12,6 +12,7 @@ mod kinds;
 mod names;
 mod nodes;
 mod reader;
+mod version;
 
 use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
@@ -23,6 +24,7 @@ use error::{MAX_BYTES, MAX_GROUPS};
 use names::GroupNames;
 use nodes::Nodes;
 use reader::{Encoding, Reader};
+use version::Version;
 
 pub use elements::Straightened;
 pub use entity::{Element, PhysicalGroup};
@@ -80,14 +82,6 @@ pub fn read(bytes: &[u8]) -> Result<GmshFile, GmshError> {
         }
         (Some(nodes), Some(elements)) => assemble(nodes, elements, sections.names),
     }
-}
-
-/// Supported versions of the format.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Version {
-    V2,
-    V40,
-    V41,
 }
 
 /// Sections read so far.

@@ -2,8 +2,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::LoadCurve;
-
 /// How a stage moves its bodies with inertia.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Dynamics {
@@ -39,15 +37,6 @@ impl Default for Dynamics {
             longest: f64::INFINITY,
         }
     }
-}
-
-/// A boundary that absorbs waves in place of a boundary condition.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Absorbed<const D: usize> {
-    /// Number of the condition, on given nodes, which no longer acts.
-    pub condition: usize,
-    /// The wave that comes in: the direction of its motion, and its velocity over time, [length/time].
-    pub incoming: Option<([f64; D], LoadCurve)>,
 }
 
 /// Integration of the equations of motion in time.

@@ -2,8 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::{PIECE, Points, State};
-use crate::basis::BodyGroup;
+use super::{BodyGroup, PIECE, Points, State};
 use crate::grid::Grid;
 use crate::ranks::{Halo, Reduction};
 

@@ -11,7 +11,6 @@
 #![allow(non_snake_case)]
 
 use super::{Current, Lane, Lanes, WeakForm};
-use crate::assembly::Wanted;
 use crate::kinematics::Increment;
 use crate::tensor::Sym3;
 
@@ -43,7 +42,7 @@ pub trait Averageable<const D: usize> {
         start: &StressAtStart,
         increment: &Increment<D>,
         growth: Option<f64>,
-        wanted: Wanted,
+        with_tangent: bool,
     ) -> Self::Mean;
 }
 
@@ -56,9 +55,9 @@ impl<const D: usize, const E: usize> Averageable<D> for Current<D, E> {
         start: &StressAtStart,
         increment: &Increment<D>,
         growth: Option<f64>,
-        wanted: Wanted,
+        with_tangent: bool,
     ) -> Midpoint<D, E> {
-        Midpoint::new(self, start, increment, growth, wanted)
+        Midpoint::new(self, start, increment, growth, with_tangent)
     }
 }
 
@@ -114,7 +113,7 @@ impl<const D: usize, const E: usize> Midpoint<D, E> {
         start: &StressAtStart,
         increment: &Increment<D>,
         growth: Option<f64>,
-        wanted: Wanted,
+        with_tangent: bool,
     ) -> Self {
         let F = extended::<D, E>(&increment.dF, increment.hoop);
         let inverse = extended::<D, E>(&end.inverse, 1.0 / increment.hoop);
@@ -169,7 +168,7 @@ impl<const D: usize, const E: usize> Midpoint<D, E> {
                 }
             }
         }
-        if wanted == Wanted::Force {
+        if !with_tangent {
             return Midpoint(weak);
         }
         let with_d = d.map(|d| Correction { d, C, squared, at_end, mean });
@@ -318,7 +317,7 @@ mod tests {
         let end = M::respond_current(&start, increment, law, &[], &mut []).unwrap();
         let growth = VOLUME * (law.energy(&end.elastic_strain, &[]) - law.energy(&before, &[]));
         let start = StressAtStart { tau, volume: VOLUME };
-        (Midpoint::new(&end.weak, &start, increment, Some(growth), Wanted::Stiffness), growth)
+        (Midpoint::new(&end.weak, &start, increment, Some(growth), true), growth)
     }
 
     /// The increment with a change of a component of the gradient of the displacement.

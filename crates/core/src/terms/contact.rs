@@ -62,7 +62,9 @@
 //! before its first step, then contribute their stiffness, which holds the body.
 
 mod augmentation;
+mod body_side;
 mod candidates;
+mod carriers;
 mod counterpart;
 mod distribution;
 mod edges;

@@ -19,14 +19,14 @@
 
 mod mass;
 mod motion;
+mod moving;
 mod projection;
 
 use std::cell::OnceCell;
 
 use crate::assembly::{System, Wanted};
 use crate::dofs::DofMap;
-use crate::linear::Block;
-use crate::model::{Dynamics, ForceOfInertia, Model};
+use crate::model::{Dynamics, Model};
 use crate::points::Points;
 use crate::step::{At, Nodal, StepContext};
 
@@ -39,6 +39,7 @@ use super::term::{Character, Coupled, Term};
 
 use mass::Mass;
 use motion::{EndOfStep, kinetic};
+use moving::Moving;
 
 /// Name under which the resultant of inertia is reported.
 const INERTIA: &str = "inertia";
@@ -47,31 +48,6 @@ const INERTIA: &str = "inertia";
 pub struct Inertia<const D: usize, const N: usize = D> {
     /// What moves; `None` in a static step.
     moving: Option<Moving<D, N>>,
-}
-
-/// The data of a step.
-struct Moving<const D: usize, const N: usize> {
-    dynamics: Dynamics,
-    duration: f64,
-    force: ForceOfInertia,
-    dofs: DofMap<N>,
-    /// Faces with ghost mass.
-    ghost: Ghost,
-    /// The mass, once the system is laid out.
-    mass: Option<Mass>,
-    /// Velocity and acceleration of the grid at the start of the step, [length/time], [length/time²].
-    start: [Nodal<N>; 2],
-    /// The part of the force of inertia that is constant, on this rank, [force].
-    constant: Nodal<N>,
-    /// Stiffness of the points at the start of the step times its weight, if it damps, [force/length].
-    stiffness: Vec<Block<N>>,
-    /// Force of inertia on all points of this rank in the last evaluation, [force].
-    resultant: [f64; D],
-    /// The motion at the end of the step, once it has been asked for since the last evaluation.
-    end: OnceCell<EndOfStep>,
-    /// Displacement increment of the last evaluation, [length], and the energy that damping then dissipates.
-    last: Nodal<N>,
-    damped: f64,
 }
 
 impl<const D: usize, const N: usize> Default for Inertia<D, N> {

@@ -9,7 +9,7 @@ use mpm_core::tool::{
 };
 
 use crate::per_axis::array;
-use crate::region::placed;
+use crate::placed::placed;
 use crate::tools::ToolShape;
 
 /// The shape of a tool, or the reason why there is none.

@@ -2,12 +2,12 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use super::Version;
 use super::entity::{Element, EntityGroups, GroupKey};
 use super::error::GmshError;
 use super::kinds::{ElementKind, MOST_NODES, name_and_nodes};
 use super::nodes::{Nodes, total_2, totals_4};
 use super::reader::{Encoding, Reader};
+use super::version::Version;
 
 /// Elements and their distinct sets of groups.
 #[derive(Default)]

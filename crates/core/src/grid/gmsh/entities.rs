@@ -1,9 +1,9 @@
 //! The entities of a geometry, which carry the physical groups in formats 4.0 and 4.1.
 
-use super::Version;
 use super::entity::EntityGroups;
 use super::error::{GmshError, MAX_GROUPS};
 use super::reader::Reader;
+use super::version::Version;
 
 /// Reads the physical groups of the entities, or of the parts into which a partition divides them. A part belongs to
 /// the groups of its entity, too, if it has its dimension.

@@ -1,8 +1,8 @@
 //! The nodes of a mesh file.
 
-use super::Version;
 use super::error::GmshError;
 use super::reader::{Encoding, Reader};
+use super::version::Version;
 
 /// Marks a number that no node has.
 const NONE: u32 = u32::MAX;

@@ -1,30 +1,13 @@
 //! Check that triangles form closed shells.
 
 use super::error::{EdgeReport, SHOWN, SurfaceError};
-use super::facets::Facets;
+use super::facets::{FacetEdge, Facets, facet_edges};
 
 /// The connected parts of a surface.
 pub(super) struct Shells {
     pub(super) number: usize,
     /// Index of the shell of each facet.
     pub(super) by_facet: Vec<u32>,
-}
-
-/// An edge of a facet: its ends, lower number first; the facet; true if the facet runs along the edge from the lower
-/// end to the higher.
-pub(super) type FacetEdge = ([u32; 2], u32, bool);
-
-/// The edges of all facets, sorted so that edges with the same ends follow one another.
-pub(super) fn facet_edges(corners: &[[u32; 3]]) -> Vec<FacetEdge> {
-    let mut facet_edges = Vec::with_capacity(3 * corners.len());
-    for (facet, nodes) in corners.iter().enumerate() {
-        for k in 0..3 {
-            let (a, b) = (nodes[k], nodes[(k + 1) % 3]);
-            facet_edges.push(([a.min(b), a.max(b)], facet as u32, a < b));
-        }
-    }
-    facet_edges.sort_unstable();
-    facet_edges
 }
 
 pub(super) fn edges(facet_edges: &[FacetEdge]) -> impl Iterator<Item = &[FacetEdge]> {

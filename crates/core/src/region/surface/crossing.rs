@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::error::SurfaceError;
 use super::facets::Facets;
-use super::triangle::{Triangle, depth};
+use super::triangle::{Triangle, across, depth, plane_axis};
 use crate::region::box_tree::{BoxTree, around, overlap};
 use crate::region::polygon::{opposite, segments_meet, turn};
 
@@ -102,17 +102,4 @@ fn segment_meets_in_plane([p, q]: &[[f64; 3]; 2], t: &Triangle) -> bool {
         !(turns.iter().any(|x| *x > 0.0) && turns.iter().any(|x| *x < 0.0))
     };
     inside(&p) || (0..3).any(|k| segments_meet([&p, &q], edge(k)))
-}
-
-/// An axis along which the projection of a triangle has a positive area; `None` if its corners are collinear.
-pub(super) fn plane_axis(t: &Triangle) -> Option<usize> {
-    (0..3).find(|&axis| {
-        let [a, b, c] = t.map(|x| across(&x, axis));
-        turn(&a, &b, &c) != 0.0
-    })
-}
-
-/// The coordinates of a position along the two axes other than `axis`.
-fn across(x: &[f64; 3], axis: usize) -> [f64; 2] {
-    [x[(axis + 1) % 3], x[(axis + 2) % 3]]
 }

@@ -1,9 +1,7 @@
 //! Triangles with indexed corners.
 
-use super::closed::facet_edges;
-use super::crossing::plane_axis;
 use super::error::FacetReport;
-use super::triangle::Triangle;
+use super::triangle::{Triangle, plane_axis};
 use crate::region::vector::{minus, norm};
 
 /// How often facets without area are looked for: each pass may leave some whose neighbours it changed.
@@ -108,4 +106,21 @@ impl Facets {
 fn from_edge(corners: [u32; 3], ends: [u32; 2]) -> [u32; 3] {
     let apart = (0..3).find(|&k| !ends.contains(&corners[k])).unwrap_or(2);
     [corners[(apart + 1) % 3], corners[(apart + 2) % 3], corners[apart]]
+}
+
+/// An edge of a facet: its ends, lower number first; the facet; true if the facet runs along the edge from the lower
+/// end to the higher.
+pub(super) type FacetEdge = ([u32; 2], u32, bool);
+
+/// The edges of all facets, sorted so that edges with the same ends follow one another.
+pub(super) fn facet_edges(corners: &[[u32; 3]]) -> Vec<FacetEdge> {
+    let mut facet_edges = Vec::with_capacity(3 * corners.len());
+    for (facet, nodes) in corners.iter().enumerate() {
+        for k in 0..3 {
+            let (a, b) = (nodes[k], nodes[(k + 1) % 3]);
+            facet_edges.push(([a.min(b), a.max(b)], facet as u32, a < b));
+        }
+    }
+    facet_edges.sort_unstable();
+    facet_edges
 }

@@ -3,7 +3,8 @@
 use std::collections::HashMap;
 
 use super::Surface;
-use super::closed::{edges, facet_edges};
+use super::closed::edges;
+use super::facets::facet_edges;
 use super::weld;
 
 /// Which facets of a surface share edges and corners; facets are in tree order.

@@ -1,5 +1,6 @@
 //! Open surfaces with a back.
 
+use super::facets::facet_edges;
 use super::triangle::Triangle;
 use super::{closed, weld};
 use crate::region::area_vector;
@@ -62,7 +63,7 @@ pub fn thickened(
     let behind = |x: [f64; 3]| -> [f64; 3] { std::array::from_fn(|d| x[d] - thickness * direction[d]) };
     let mut all = facets.triangles();
     all.extend(facets.triangles().iter().map(|&[a, b, c]| [a, c, b].map(behind)));
-    let edges = closed::facet_edges(&facets.corners);
+    let edges = facet_edges(&facets.corners);
     for edge in closed::edges(&edges).filter(|edge| edge.len() == 1) {
         let (ends, _, ascends) = edge[0];
         let [low, high] = ends.map(|corner| facets.positions[corner as usize]);

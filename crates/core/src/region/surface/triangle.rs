@@ -1,5 +1,6 @@
 //! A triangle of a surface: the volume that it contributes, and the side on which a position lies.
 
+use crate::region::polygon::turn;
 use robust::{Coord3D, orient3d};
 
 use crate::region::vector::{cross, dot, minus};
@@ -26,4 +27,17 @@ pub(super) fn depth(t: &Triangle, x: &[f64; 3]) -> f64 {
     }
     let at = |x: &[f64; 3]| Coord3D { x: x[0], y: x[1], z: x[2] };
     orient3d(at(&t[0]), at(&t[1]), at(&t[2]), at(x))
+}
+
+/// An axis along which the projection of a triangle has a positive area; `None` if its corners are collinear.
+pub(super) fn plane_axis(t: &Triangle) -> Option<usize> {
+    (0..3).find(|&axis| {
+        let [a, b, c] = t.map(|x| across(&x, axis));
+        turn(&a, &b, &c) != 0.0
+    })
+}
+
+/// The coordinates of a position along the two axes other than `axis`.
+pub(super) fn across(x: &[f64; 3], axis: usize) -> [f64; 2] {
+    [x[(axis + 1) % 3], x[(axis + 2) % 3]]
 }

@@ -37,6 +37,7 @@ use crate::surface::{OuterSides, active, corners_of, lies_in_one_cell, mean_over
 use crate::terms::failure::ContactPlace;
 use crate::tool::{Closest, Shape};
 
+use super::carriers::Carriers;
 use super::counterpart::Counterpart;
 use super::edges::Edges;
 use super::facet::Facet;
@@ -104,69 +105,6 @@ pub(super) struct Candidate<const D: usize> {
     pub(super) is_on_second: bool,
     /// Its share of what its corner keeps from step to step, [-].
     pub(super) share: f64,
-}
-
-/// The active nodes that carry a contact point, with the values of their basis functions there: S_vp if the contact
-/// point is a material point, N_v otherwise.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Carriers(Vec<(u32, f64)>);
-
-impl Carriers {
-    /// Each node with the value of its basis function.
-    pub(super) fn iter(&self) -> impl Iterator<Item = (usize, f64)> + Clone {
-        self.0.iter().map(|&(node, value)| (node as usize, value))
-    }
-
-    pub(super) fn push(&mut self, node: u32, value: f64) {
-        self.0.push((node, value));
-    }
-
-    /// Adds to the value of a node.
-    fn add(&mut self, node: u32, value: f64) {
-        match self.0.iter_mut().find(|(known, _)| *known == node) {
-            Some((_, sum)) => *sum += value,
-            None => self.0.push((node, value)),
-        }
-    }
-
-    /// Number of nodes.
-    pub(super) fn len(&self) -> usize {
-        self.0.len()
-    }
-
-    /// The index of a node among those from `first` on.
-    pub(super) fn place_from(&self, first: usize, node: usize) -> Option<usize> {
-        self.0[first..].iter().position(|(known, _)| *known as usize == node).map(|place| first + place)
-    }
-
-    /// Adds other carriers with a weight.
-    pub(super) fn add_all(&mut self, others: &Carriers, weight: f64) {
-        others.iter().for_each(|(node, value)| self.add(node as u32, weight * value));
-    }
-
-    /// Multiplies all values by a factor.
-    pub(super) fn scale(&mut self, factor: f64) {
-        self.0.iter_mut().for_each(|(_, value)| *value *= factor);
-    }
-
-    /// The sum of carriers with these weights.
-    pub(super) fn mean(of: &[Carriers], weights: &[f64]) -> Carriers {
-        let mut mean = Carriers::default();
-        for (carriers, weight) in of.iter().zip(weights) {
-            mean.add_all(carriers, *weight);
-        }
-        mean
-    }
-
-    /// True if both have the same nodes in the same order.
-    pub(super) fn has_same_nodes(&self, other: &Self) -> bool {
-        self.0.len() == other.0.len() && self.0.iter().zip(&other.0).all(|(a, b)| a.0 == b.0)
-    }
-
-    /// The largest motion of the contact point if no node moves farther than 1.
-    pub(super) fn reach(&self) -> f64 {
-        self.0.iter().map(|(_, value)| value.abs()).sum()
-    }
 }
 
 impl<const D: usize> Candidate<D> {
@@ -446,7 +384,7 @@ impl<const D: usize> Search<'_, D> {
     /// A basis in terms of the active nodes that a body sees; sliver nodes move with their carriers. `None` if another
     /// node with a value is inactive, unless `is_last`.
     fn active(&self, body: u16, basis: &CellBasis<D>, is_last: bool) -> Option<Carriers> {
-        let mut active = Carriers(Vec::with_capacity(basis.nodes().len()));
+        let mut active = Carriers::default();
         for (&node, &value) in basis.nodes().iter().zip(basis.value()) {
             let node = node as usize;
             match self.links.seen_by(body, node) {

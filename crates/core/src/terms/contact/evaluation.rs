@@ -39,6 +39,50 @@ impl<const D: usize> Trial<D> {
     }
 }
 
+impl<const D: usize> Trial<D> {
+    /// A vector in the frame of what a contact point touches, which moves with it from the start of the step, in global
+    /// axes.
+    pub(super) fn in_global_axes(
+        &self,
+        candidate: &Candidate<D>,
+        moving: &Moving<D>,
+        vector: &[f64; D],
+    ) -> [f64; D] {
+        match &self.facing {
+            Some(facing) => turned(&candidate.near.normal, &facing.normal, vector),
+            None => moving.end.vector_to_space(vector),
+        }
+    }
+
+    /// A vector in global axes in the frame of what a contact point touches.
+    pub(super) fn in_frame(
+        &self,
+        candidate: &Candidate<D>,
+        moving: &Moving<D>,
+        vector: &[f64; D],
+    ) -> [f64; D] {
+        match &self.facing {
+            Some(facing) => turned(&facing.normal, &candidate.near.normal, vector),
+            None => moving.end.vector_to_tool(vector),
+        }
+    }
+
+    /// The nodes that carry a contact point, with their shares in its motion relative to what it touches, at the last
+    /// evaluation.
+    pub(super) fn carriers<'a>(
+        &'a self,
+        candidate: &'a Candidate<D>,
+    ) -> impl Iterator<Item = (usize, f64)> + Clone + 'a {
+        let now = self.facing.as_deref().map(|facing| &facing.values[..]);
+        let now = now.unwrap_or_default();
+        candidate
+            .basis
+            .iter()
+            .enumerate()
+            .map(move |(k, (node, value))| (node, now.get(k).copied().unwrap_or(value)))
+    }
+}
+
 /// The unknowns of a step as contact sees them.
 pub(super) struct Trials<'a, const D: usize, const N: usize> {
     pub(super) model: &'a Model<D>,
@@ -161,7 +205,10 @@ impl<const D: usize, const N: usize> Trials<'_, D, N> {
             .fold(*start, |x, (node, value)| std::array::from_fn(|d| x[d] + value * self.delta_d[node][d]));
         let apart = Trial::open(position, slip);
         let loaded = multiplier.normal != 0.0;
-        let found = candidate.facet.as_ref().and_then(|facet| facet.facing(candidate, self.delta_d, &slip));
+        let found = candidate
+            .facet
+            .as_ref()
+            .and_then(|facet| facet.facing(&candidate.basis, near, self.delta_d, &slip));
         let found = found.filter(|_| loaded || !self.is_frozen);
         let (Some(facing), Some(interface)) = (found, pair.interface) else { return apart };
         let approach = Approach {
@@ -215,7 +262,7 @@ pub(super) fn add<const D: usize, const N: usize>(
             continue;
         }
         if let (Some(facet), Some(facing)) = (&candidate.facet, &trial.facing) {
-            facing.add_stiffness(candidate, facet, touch, &places_of(candidate, sum), sum);
+            facing.add_stiffness(&candidate.basis, facet, touch, &places_of(candidate, sum), sum);
             continue;
         }
         // `[j][i]`: change of the force f_i with the position x_j.

@@ -19,11 +19,11 @@
 
 use crate::assembly::System;
 use crate::region::vector::{along, cross, dot, norm, unit};
+use crate::tool::Closest;
 
-use super::candidates::Candidate;
-use super::evaluation::Trial;
+use super::carriers::Carriers;
 use super::interface::Touch;
-use super::motion::{Moving, in_space};
+use super::motion::in_space;
 
 /// A facet at the start of a step.
 #[derive(Debug, Clone)]
@@ -91,20 +91,21 @@ impl<const D: usize> Facet<D> {
     /// [length]; `None` if it has degenerated.
     pub(super) fn facing<const N: usize>(
         &self,
-        candidate: &Candidate<D>,
+        basis: &Carriers,
+        near: &Closest<D>,
         delta_d: &[[f64; N]],
         slip: &[f64; D],
     ) -> Option<Facing<D>> {
         let mut now = self.edges;
-        for ((node, _), slopes) in candidate.basis.iter().zip(&self.slopes) {
+        for ((node, _), slopes) in basis.iter().zip(&self.slopes) {
             for (edge, slope) in now.iter_mut().zip(slopes).filter(|(_, slope)| **slope != 0.0) {
                 (0..D).for_each(|d| edge[d] += slope * delta_d[node][d]);
             }
         }
         let (normal, inverse) = plane(&now, self.sign)?;
-        let distance = along(slip, candidate.near.gap, &candidate.near.normal);
+        let distance = along(slip, near.gap, &near.normal);
         let slid = product(&inverse, &now.each_ref().map(|edge| dot(edge, &distance)));
-        let values = candidate.basis.iter().zip(&self.slopes);
+        let values = basis.iter().zip(&self.slopes);
         let values = values
             .map(|((_, value), slopes)| value - slopes.iter().zip(&slid).map(|(a, b)| a * b).sum::<f64>());
         let values = values.collect();
@@ -129,14 +130,14 @@ impl<const D: usize> Facing<D> {
     /// The changes for a displacement of node number `k` of a contact point along an axis.
     fn motion(
         &self,
-        candidate: &Candidate<D>,
+        basis: &Carriers,
         facet: &Facet<D>,
         touch: &Touch<D>,
         k: usize,
         axis: usize,
     ) -> NodeMotion<D> {
         let Facing { edges, inverse, normal, gap, values } = self;
-        let at_start = candidate.basis.iter().nth(k).map_or(0.0, |(_, value)| value);
+        let at_start = basis.iter().nth(k).map_or(0.0, |(_, value)| value);
         let e: [f64; D] = unit(axis);
         let (relative, slipping) = (e.map(|e| values[k] * e), e.map(|e| at_start * e));
         // δEᵀ n
@@ -156,16 +157,15 @@ impl<const D: usize> Facing<D> {
     /// Adds the stiffness of a contact point that touches the facet: −∂(c_v f)/∂Δd_w.
     pub(super) fn add_stiffness<const N: usize>(
         &self,
-        candidate: &Candidate<D>,
+        basis: &Carriers,
         facet: &Facet<D>,
         touch: &Touch<D>,
         places: &[Option<usize>],
         sum: &mut System<N>,
     ) {
         let (n, force) = (self.values.len(), touch.force());
-        let motions: Vec<[NodeMotion<D>; D]> = (0..n)
-            .map(|k| std::array::from_fn(|axis| self.motion(candidate, facet, touch, k, axis)))
-            .collect();
+        let motions: Vec<[NodeMotion<D>; D]> =
+            (0..n).map(|k| std::array::from_fn(|axis| self.motion(basis, facet, touch, k, axis))).collect();
         for row in 0..n {
             for (column, by_axis) in motions.iter().enumerate() {
                 let Some(place) = places[row * n + column] else { continue };
@@ -191,48 +191,4 @@ pub(super) fn turned<const D: usize>(from: &[f64; D], to: &[f64; D], vector: &[f
     let both = along(from, 1.0, to);
     let turned = along(vector, -dot(&both, vector) / (1.0 + cosine), &both);
     along(&turned, 2.0 * dot(from, vector), to)
-}
-
-impl<const D: usize> Trial<D> {
-    /// A vector in the frame of what a contact point touches, which moves with it from the start of the step, in global
-    /// axes.
-    pub(super) fn in_global_axes(
-        &self,
-        candidate: &Candidate<D>,
-        moving: &Moving<D>,
-        vector: &[f64; D],
-    ) -> [f64; D] {
-        match &self.facing {
-            Some(facing) => turned(&candidate.near.normal, &facing.normal, vector),
-            None => moving.end.vector_to_space(vector),
-        }
-    }
-
-    /// A vector in global axes in the frame of what a contact point touches.
-    pub(super) fn in_frame(
-        &self,
-        candidate: &Candidate<D>,
-        moving: &Moving<D>,
-        vector: &[f64; D],
-    ) -> [f64; D] {
-        match &self.facing {
-            Some(facing) => turned(&facing.normal, &candidate.near.normal, vector),
-            None => moving.end.vector_to_tool(vector),
-        }
-    }
-
-    /// The nodes that carry a contact point, with their shares in its motion relative to what it touches, at the last
-    /// evaluation.
-    pub(super) fn carriers<'a>(
-        &'a self,
-        candidate: &'a Candidate<D>,
-    ) -> impl Iterator<Item = (usize, f64)> + Clone + 'a {
-        let now = self.facing.as_deref().map(|facing| &facing.values[..]);
-        let now = now.unwrap_or_default();
-        candidate
-            .basis
-            .iter()
-            .enumerate()
-            .map(move |(k, (node, value))| (node, now.get(k).copied().unwrap_or(value)))
-    }
 }

@@ -10,9 +10,9 @@ use crate::basis::Method;
 use crate::grid::Grid;
 use crate::region::vector::{along, cross, dot, minus, norm};
 
-use super::candidates::Carriers;
+use super::body_side::Side;
+use super::carriers::Carriers;
 use super::motion::in_space;
-use super::pairs::Side;
 
 /// Smallest area of a polygon, relative to that of a side of a cell, [-].
 const SMALLEST: f64 = 1e-9;

@@ -128,7 +128,10 @@ impl<const D: usize> Contact<D> {
         let has_passed = |candidate: &&Candidate<D>| {
             let slide = Counterpart::new(model, candidate.key.tool).control().largest_slide;
             let slip = candidate.displacement(delta_d);
-            let facing = candidate.facet.as_ref().and_then(|facet| facet.facing(candidate, delta_d, &slip));
+            let facing = candidate
+                .facet
+                .as_ref()
+                .and_then(|facet| facet.facing(&candidate.basis, &candidate.near, delta_d, &slip));
             candidate.near.gap > slide * candidate.size && facing.is_some_and(|facing| facing.gap < 0.0)
         };
         found.iter().find(has_passed).map(|candidate| candidate.place(model))

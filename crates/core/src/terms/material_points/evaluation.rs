@@ -355,7 +355,9 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
             let growth =
                 (*old == *new).then(|| volume * law.energy(&response.elastic_strain, new) - stored[p]);
             let at_start = StressAtStart { tau: task.old_stress[p], volume };
-            let mean = |end: M::Current| end.averaged(&at_start, &increment, growth, task.wanted);
+            let mean = |end: M::Current| {
+                end.averaged(&at_start, &increment, growth, task.wanted == Wanted::Stiffness)
+            };
             keep(p, &response.map(mean), &links, trial, *dense, force);
             return Ok(());
         }
