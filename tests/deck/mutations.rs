@@ -477,6 +477,7 @@ const REASONS: &[(Change, &str, &str, &str, &str)] = &[
     (Change::Removed, "*", "/stages/*/then/reset/*", "*", "nothing is set to zero"),
     (Change::Removed, "*", "/stages/*/steps/control", "*", "has a default"),
     (Change::Removed, "*", "/stages/*/*", "*", "optional: the stage changes less"),
+    (Change::Removed, "*", "/units", "*", "optional: results are then without units"),
     (Change::Removed, "*", "/stages/*/*/*", "*", "optional: the stage changes less"),
     (Change::OtherType, "*", "/stages/*/then/reset/*", "nothing", "YAML: a comma may end a list"),
     (Change::OtherType, "*", "/stages/*/*/*", "nothing", "YAML: a comma may end a list"),

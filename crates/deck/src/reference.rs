@@ -52,6 +52,7 @@ const SECTIONS: &[(&str, &str)] = &[
     ("`loads` of a tool, each", "ToolLoadDeck"),
     ("`parts` of a tool, each", "ToolPartDeck"),
     ("`contacts` of a tool, each", "ContactDeck"),
+    ("`contacts` between bodies, each", "BodyContactDeck"),
     ("`steps`", "StepsDeck"),
     ("`control` of the steps", "ControlDeck"),
     ("`dynamic`", "DynamicDeck"),

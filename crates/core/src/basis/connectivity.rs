@@ -481,6 +481,19 @@ impl<const D: usize> Connectivity<D> {
         self.copies.groups()
     }
 
+    /// A number that identifies an active node from step to step: that of its grid node, to which each further group of
+    /// bodies adds the number of nodes of the grid.
+    pub fn lasting_number(&self, active: usize) -> u32 {
+        let group = self.copies.groups().get(active).copied().unwrap_or(0);
+        self.copies.nodes()[active] + u32::from(group) * self.copies.n_nodes() as u32
+    }
+
+    /// The active node with this lasting number; `None` if no points touch it.
+    pub fn with_lasting_number(&self, number: u32) -> Option<usize> {
+        let n_nodes = self.copies.n_nodes().max(1) as u32;
+        self.of_bodies((number / n_nodes) as BodyGroup, (number % n_nodes) as usize)
+    }
+
     /// The active nodes that other ranks also have. If there are other ranks, this rank has the nodes that its points
     /// touch, the active nodes of one layer of adjacent cells, and those that [`Connectivity::with_nodes`] has added.
     pub fn halo(&self) -> &Halo {

@@ -88,6 +88,11 @@ impl NodeCopies {
         }
     }
 
+    /// Number of nodes of the grid.
+    pub fn n_nodes(&self) -> usize {
+        self.first.len()
+    }
+
     /// Number of copies.
     pub fn len(&self) -> usize {
         self.nodes.len()

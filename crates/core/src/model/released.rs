@@ -16,7 +16,7 @@ pub struct Released<const D: usize> {
     pub sides: Vec<SideForce<D>>,
     /// Permanent numbers of points and the forces on them, [force].
     pub points: Vec<(u32, [f64; D])>,
-    /// Grid nodes and the forces on them that no material can carry, [force].
+    /// Lasting numbers of nodes and the forces on them that no material can carry, [force].
     pub nodes: Vec<(u32, [f64; D])>,
     /// Number of cuts of points before the stage; those after it share out the forces of the cut points.
     pub cuts_before: usize,

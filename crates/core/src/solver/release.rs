@@ -94,12 +94,12 @@ pub(super) fn balancing_forces<const D: usize, const N: usize, M: Mechanics<D>>(
     sum.system_mut().complete();
     let (f_ext, f_int) = (sum.system().external_force(), sum.system().internal_force());
     let mut forces = Vec::new();
-    for (active, &node) in links.active_nodes().iter().enumerate() {
+    for active in 0..links.n_active() {
         let lacking: [f64; N] = std::array::from_fn(|d| f_int[active][d] - f_ext[active][d]);
         let held = dofs.held_part(active, &lacking);
         let force: [f64; D] = std::array::from_fn(|d| lacking[d] - held[d]);
         if force != [0.0; D] && links.reduction().counts(active) {
-            forces.push((node, force));
+            forces.push((links.lasting_number(active), force));
         }
     }
     let forces = forces_on_all_nodes(&reduction, forces);

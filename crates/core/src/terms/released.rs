@@ -31,7 +31,7 @@ pub(super) fn released_forces<const D: usize>(
     let mut forces = on_nodes(links, &on_points);
     for (node, force) in &released.nodes {
         // A node without material carries no force.
-        let active = links.copies(*node as usize).next();
+        let active = links.with_lasting_number(*node);
         if let Some(active) = active.filter(|active| links.reduction().counts(*active)) {
             (0..D).for_each(|d| forces[active][d] += force[d]);
         }

@@ -85,11 +85,11 @@ struct Carrier {
     force: Vec<f64>,
     /// Area; 0 for a point.
     weight: f64,
-    /// Grid nodes, and the mean of N_v over the side, or S_vp, [-].
+    /// Lasting numbers of nodes, and the mean of N_v over the side, or S_vp, [-].
     basis: Vec<(u32, f64)>,
 }
 
-/// Forces on grid nodes, [force].
+/// Forces on nodes, by their lasting numbers, [force].
 type OnNodes<const D: usize> = BTreeMap<u32, [f64; D]>;
 
 fn largest<const D: usize>(forces: &OnNodes<D>) -> f64 {
@@ -155,7 +155,7 @@ fn point_carrier<const D: usize>(
     let nodes = links.nodes_of(links.group_of(p));
     let mut basis = Vec::new();
     links.for_each_value(p, |local, value| {
-        basis.push((links.active_nodes()[nodes[local] as usize], value));
+        basis.push((links.lasting_number(nodes[local] as usize), value));
     });
     Carrier { point: points.id[p], force: force.to_vec(), basis, ..Carrier::default() }
 }
@@ -214,7 +214,7 @@ fn exposed_sides<const D: usize>(
             let values = side_basis(model.grid.as_ref(), links, points, p, &side, method);
             let basis: Vec<(u32, f64)> = values
                 .into_iter()
-                .map(|(node, value)| (links.active_nodes()[node as usize], value))
+                .map(|(node, value)| (links.lasting_number(node as usize), value))
                 .collect();
             let lacks = |(node, _): &(u32, f64)| forces.get(node).is_some_and(|force| norm(force) > enough);
             if !was_covered && !basis.iter().all(lacks) {
