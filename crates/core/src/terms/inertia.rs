@@ -38,7 +38,8 @@ use super::report::TermReport;
 use super::term::{Character, Coupled, Term};
 
 use mass::Mass;
-use motion::{EndOfStep, kinetic};
+use motion::kinetic;
+use moving::EndOfStep;
 use moving::Moving;
 
 /// Name under which the resultant of inertia is reported.

@@ -4,7 +4,7 @@ use crate::model::Scheme;
 use crate::points::{MOTION, Points};
 use crate::step::{Nodal, StepContext};
 
-use super::Moving;
+use super::moving::{EndOfStep, Moving};
 
 /// Kinetic energy ½ Σ m v² for these velocities, [energy].
 pub(super) fn kinetic<const D: usize>(points: &Points<D>, velocity: &[f64]) -> f64 {
@@ -69,19 +69,6 @@ pub(super) fn excess<const D: usize, const N: usize>(
     reduction.sum(&mut sums);
     let error = if sums[1] > 0.0 { moving.duration * (sums[0] / sums[1]).sqrt() } else { 0.0 };
     farthest.max(error / allowed)
-}
-
-/// The motion of the points at the end of a step.
-pub(super) struct EndOfStep {
-    pub(super) velocity: Vec<f64>,
-    pub(super) acceleration: Vec<f64>,
-    /// Kinetic energy of the points at the start and at the end of the step, [energy].
-    pub(super) kinetic_before: f64,
-    pub(super) kinetic: f64,
-    /// What ghost mass, the velocity of the grid and the scheme take from it, [energy].
-    pub(super) ghost_loss: f64,
-    pub(super) pic_loss: f64,
-    pub(super) algorithmic_loss: f64,
 }
 
 impl EndOfStep {

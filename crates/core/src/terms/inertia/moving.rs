@@ -9,7 +9,6 @@ use crate::step::Nodal;
 use crate::terms::ghost::Ghost;
 
 use super::mass::Mass;
-use super::motion::EndOfStep;
 
 /// The data of a step.
 pub(super) struct Moving<const D: usize, const N: usize> {
@@ -34,4 +33,17 @@ pub(super) struct Moving<const D: usize, const N: usize> {
     /// Displacement increment of the last evaluation, [length], and the energy that damping then dissipates.
     pub(super) last: Nodal<N>,
     pub(super) damped: f64,
+}
+
+/// The motion of the points at the end of a step.
+pub(super) struct EndOfStep {
+    pub(super) velocity: Vec<f64>,
+    pub(super) acceleration: Vec<f64>,
+    /// Kinetic energy of the points at the start and at the end of the step, [energy].
+    pub(super) kinetic_before: f64,
+    pub(super) kinetic: f64,
+    /// What ghost mass, the velocity of the grid and the scheme take from it, [energy].
+    pub(super) ghost_loss: f64,
+    pub(super) pic_loss: f64,
+    pub(super) algorithmic_loss: f64,
 }
