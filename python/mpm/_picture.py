@@ -578,7 +578,8 @@ def _component(values: Array, drawn: Drawn) -> Array:
         weights = np.ones(values.shape[1])
         if values.shape[1] == 6:
             weights[3:] = 2.0
-        return np.sqrt((values**2 * weights).sum(axis=1))
+        size: Array = np.sqrt((values**2 * weights).sum(axis=1))
+        return size
     known = _components(drawn.field, values.shape[1])
     return values[:, known.index(drawn.component)]
 

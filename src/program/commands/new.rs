@@ -42,13 +42,8 @@ macro_rules! example {
             files: &[$(($file, include_bytes!(concat!("../../../inputs/new/", $file)))),*],
         }
     };
-    (inputs: $name:literal $(, $file:literal)*) => { example!(inputs: $name, as $name $(, $file)*) };
-    (inputs: $deck:literal, as $name:literal $(, $file:literal)*) => {
-        Example {
-            name: $name,
-            deck: include_str!(concat!("../../../inputs/", $deck, ".yaml")),
-            files: &[$(($file, include_bytes!(concat!("../../../inputs/", $file)))),*],
-        }
+    (inputs: $name:literal) => {
+        Example { name: $name, deck: include_str!(concat!("../../../inputs/", $name, ".yaml")), files: &[] }
     };
 }
 
@@ -68,10 +63,6 @@ const EXAMPLES: &[Example] = &[
     example!(inputs: "pipe"),
     example!(inputs: "cone"),
     example!(inputs: "plough"),
-    example!(inputs: "runout"),
-    example!(inputs: "column", as "sand_column"),
-    example!(inputs: "impact"),
-    example!(inputs: "shaking", "shaking.csv"),
 ];
 
 /// The schema, for editors; the first line of every deck names it.
