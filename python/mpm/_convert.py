@@ -166,5 +166,5 @@ def _text(points: npt.NDArray[np.float64], blocks: list[tuple[str, Cells, list[l
     named = [f'{dimension} {tag} "{name}"' for (dimension, name), tag in tags.items()]
     head = ["$MeshFormat", "2.2 0 8", "$EndMeshFormat"]
     named_groups = ["$PhysicalNames", str(len(named)), *named, "$EndPhysicalNames"] if named else []
-    nodes = [f"{k + 1} {x!r} {y!r} {z!r}" for k, (x, y, z) in enumerate(points.tolist())]
-    return "\n".join([*head, *named_groups, "$Nodes", str(len(nodes)), *nodes, "$EndNodes", "$Elements", str(len(lines)), *lines, "$EndElements", ""])
+    places = [f"{k + 1} {x!r} {y!r} {z!r}" for k, (x, y, z) in enumerate(points.tolist())]
+    return "\n".join([*head, *named_groups, "$Nodes", str(len(places)), *places, "$EndNodes", "$Elements", str(len(lines)), *lines, "$EndElements", ""])

@@ -245,7 +245,7 @@ def table_of(process):
     """Rows of the table that a run ends with, by label."""
     rows = {}
     for line in process.stdout.splitlines():
-        assert len(line) <= 80 or re.match(r"  (results  |report  |picture  |in ParaView  |import pyvista;)", line), line
+        assert len(line) <= 80 or re.match(r"  (results  |report  |picture  |in ParaView  |in Python  |import pyvista;)", line), line
         if label := line[2:20].strip():
             rows[label] = line[20:].strip()
     return rows

@@ -132,7 +132,8 @@ impl<const D: usize> Contact<D> {
                 .facet
                 .as_ref()
                 .and_then(|facet| facet.facing(&candidate.basis, &candidate.near, delta_d, &slip));
-            candidate.near.gap > slide * candidate.size && facing.is_some_and(|facing| facing.gap < 0.0)
+            let deep = -candidates::TOUCHING * candidate.size;
+            candidate.near.gap > slide * candidate.size && facing.is_some_and(|facing| facing.gap < deep)
         };
         found.iter().find(has_passed).map(|candidate| candidate.place(model))
     }
