@@ -136,7 +136,7 @@ impl Check<'_> {
                     "D080",
                     at,
                     message,
-                    &format!("add `density` to the material {}", quote(&body.material)),
+                    format!("add `density` to the material {}", quote(&body.material)),
                 );
             }
         }

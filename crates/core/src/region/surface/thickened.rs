@@ -56,7 +56,10 @@ pub fn thickened(
     normals.iter().for_each(|normal| (0..3).for_each(|d| mean[d] += normal[d]));
     let size = norm(&mean);
     let direction = mean.map(|x| x / size);
-    let is_turned = |normal: &[f64; 3]| !(dot(normal, &direction) > STEEPEST * norm(normal));
+    let is_turned = |normal: &[f64; 3]| {
+        let along = dot(normal, &direction);
+        along.is_nan() || along <= STEEPEST * norm(normal)
+    };
     if let Some(facet) = normals.iter().position(is_turned) {
         return Err(NotOneSided::Folded { facet: facets.number(facet), direction });
     }

@@ -28,6 +28,9 @@ pub(super) struct Side<const D: usize> {
     pub(super) method: Method,
 }
 
+/// The crossings of a segment with lines of the grid, as fractions of its length.
+pub(super) type Crossings<'a, const D: usize> = dyn Fn(&[f64; D], &[f64; D]) -> Vec<f64> + 'a;
+
 /// A place on two sides that face each other, at these fractions of both.
 #[derive(Clone, Copy)]
 pub(super) struct PlaceOnSides {
@@ -66,14 +69,11 @@ impl<const D: usize> Side<D> {
 
     /// The places that bound the pieces of this side over another one, at the first of which it begins; fewer than two if
     /// they do not lie over each other.
-    pub(super) fn places_over(
-        &self,
-        other: &Side<D>,
-        lines: &dyn Fn(&[f64; D], &[f64; D]) -> Vec<f64>,
-    ) -> Vec<PlaceOnSides> {
+    pub(super) fn places_over(&self, other: &Side<D>, lines: &Crossings<D>) -> Vec<PlaceOnSides> {
         let [from, to] = [0, 1].map(|k| other.fraction(&self.corners[k]));
         let (low, high) = (from.min(to).max(0.0), from.max(to).min(1.0));
-        if !(high - low > AT_END) || (to - from).abs() <= AT_END {
+        let overlap = high - low;
+        if overlap.is_nan() || overlap <= AT_END || (to - from).abs() <= AT_END {
             return Vec::new();
         }
         let on_first = |second: f64| (second - from) / (to - from);

@@ -95,7 +95,7 @@ impl<const D: usize> Search<'_, D> {
             {
                 let area = side.area(corners);
                 let length = norm(&area);
-                if !(length > 0.0) {
+                if length.is_nan() || length <= 0.0 {
                     continue;
                 }
                 let places: Vec<[f64; D]> = side.corners().iter().map(|&k| corners[k]).collect();

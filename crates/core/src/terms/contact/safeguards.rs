@@ -118,7 +118,7 @@ impl<const D: usize> Contact<D> {
             let all = delta_d.iter().map(|u| u[d]);
             all.fold([0.0, 0.0], |[low, high]: [f64; 2], u| [low.min(u), high.max(u)])
         };
-        let range = (0..D).map(|d| bounds(d)).map(|[low, high]| (high - low).powi(2)).sum::<f64>().sqrt();
+        let range = (0..D).map(bounds).map(|[low, high]| (high - low).powi(2)).sum::<f64>().sqrt();
         if range <= seen {
             return None;
         }
