@@ -463,7 +463,7 @@ fn unusable_solids_are_found() {
     let turned = cubes(&format!("{low}2 4 0 5 7 6 10\n")).unwrap_err();
     assert!(matches!(turned, MeshError::Nonconforming { n: 1, .. }), "{turned}");
     let reversed = cubes("1 5 0 5 6 7 8 1 2 3 4\n2 5 0 5 6 7 8 9 10 11 12\n").unwrap();
-    assert_eq!((reversed.volume(0), reversed.volume(1)), (1.0, 1.0));
+    assert!([0, 1].iter().all(|cell| (reversed.volume(*cell) - 1.0).abs() < 1e-14));
     match reversed.warnings() {
         [MeshWarning::Turned { dimension: 3, n: 1, all: 2, first }] => assert_eq!(first[0].element, 1),
         other => panic!("{other:?}"),

@@ -203,6 +203,8 @@ fn points_are_formed_as_on_one_rank() {
         .filter(|path| {
             path.starts_with(root.join("inputs")) || path.to_string_lossy().ends_with(".good.yaml")
         })
+        // Contact between bodies is refused on several ranks.
+        .filter(|path| !std::fs::read_to_string(path).is_ok_and(|text| text.contains("\ncontacts:")))
         .collect();
     decks.sort();
     assert!(decks.len() > 30, "{}", decks.len());

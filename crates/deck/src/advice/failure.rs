@@ -156,7 +156,7 @@ fn advice(kind: Kind, at: &Circumstances, means: &Means) -> &'static str {
              part, prescribe its motion with a boundary condition"
         }
         Kind::Setting => at.obstacle.map_or(
-            "change what the error names, which no step size removes (`reason` in `summary.json`)",
+            "change what the error names, which no step size removes (its reason is in `summary.json`)",
             against,
         ),
         Kind::Unknown => {

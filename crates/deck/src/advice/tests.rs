@@ -188,7 +188,7 @@ fn advice_on_failures_depends_on_the_circumstances() {
     assert!(against_kind(Kind::Setting, memory).ends_with("`solver: {linear: iterative}`"));
     assert_eq!(
         against_kind(Kind::Setting, of),
-        "change what the error names, which no step size removes (`reason` in `summary.json`)"
+        "change what the error names, which no step size removes (its reason is in `summary.json`)"
     );
 }
 
