@@ -1,4 +1,6 @@
-//! Contact between rigid tools and bodies, with friction: an augmented Lagrangian on the corners of domains.
+//! Contact of bodies with rigid tools and with each other, with friction: an augmented Lagrangian on the corners of
+//! domains. What follows speaks of tools; where a contact point touches a side of another body, the motion of that side
+//! takes the place of the motion of the tool (see [`facet`] and [`pairs`]).
 //!
 //! # Equations
 //!

@@ -107,6 +107,10 @@ where
             let groups = self.groups(model, &contacts, &joined, &format!("/stages/{number}/contacts"));
             model.stages[number].contacts = Some((contacts.clone(), groups));
         }
+        // The first stage has begun.
+        if let Some((contacts, groups)) = model.stages.first().and_then(|stage| stage.contacts.clone()) {
+            (model.contacts, model.body_groups) = (contacts, groups);
+        }
     }
 
     /// The groups of bodies with these contacts; all bodies in one group, and an error, if that contradicts them.

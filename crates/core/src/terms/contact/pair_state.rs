@@ -44,6 +44,9 @@ impl<const D: usize> Contact<D> {
     pub(super) fn pair_states(&self, model: &Model<D>) -> Vec<PairState<D>> {
         let none = PairState { force: [0.0; D], overlap: 0.0, slip: 0.0, area: 0.0, contacts: Vec::new() };
         let mut states = vec![none; model.contacts.len()];
+        if states.is_empty() {
+            return states;
+        }
         let forces = self.distributed();
         let between_bodies =
             self.touching().zip(&forces).filter(|((_, candidate, ..), _)| candidate.facet.is_some());

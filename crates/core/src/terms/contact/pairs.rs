@@ -31,9 +31,9 @@ use super::outer::Outer;
 const FACING: f64 = -0.5;
 /// Depth of a contact point below a side, relative to the size of a cell, down to which it may touch this side, [-].
 const DEEPEST: f64 = 0.5;
-/// Size relative to that of a cell, [-], within which corners of domains are one.
+/// Factor on the distance within which positions coincide (see [`Places`]) for corners of domains that are one, [-].
 const SAME_CORNER: f64 = 1e3;
-/// Cosine of the angle between the normals of facets that count as one for a contact point, less than 1 by this, [-].
+/// Facets count as one for a contact point if the cosine of the angle between their normals differs from 1 by less, [-].
 const SAME_PLANE: f64 = 1e-12;
 
 /// The contact points of each corner or side, as indices into the candidates.

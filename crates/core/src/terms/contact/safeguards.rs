@@ -111,6 +111,9 @@ impl<const D: usize> Contact<D> {
         delta_d: &[[f64; N]],
     ) -> Option<ContactPlace> {
         let model = step.model;
+        if model.contacts.is_empty() {
+            return None;
+        }
         let controls = model.contacts.iter().map(|pair| pair.control.largest_slide);
         let seen = controls.fold(f64::INFINITY, f64::min) * self.smallest;
         // No relative motion is larger than the diagonal of the box around the motions of all nodes.
