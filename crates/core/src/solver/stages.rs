@@ -278,7 +278,9 @@ pub fn resume_stage<const D: usize>(
     }
     let mut present = Released { cuts_before: points.cuts.len(), ..Released::default() };
     split_again(model, points, &splits[repeated..])?;
-    let n_nodes = model.grid.n_nodes();
+    // Each group of bodies has its own copies of the nodes.
+    let n_groups = model.body_groups.of_body.iter().max().map_or(1, |last| usize::from(*last) + 1);
+    let n_nodes = n_groups * model.grid.n_nodes();
     let force = |(node, force): &(u32, Vec<f64>)| {
         let force: [f64; D] = force.as_slice().try_into().ok()?;
         ((*node as usize) < n_nodes && force.iter().all(|f| f.is_finite())).then_some((*node, force))
