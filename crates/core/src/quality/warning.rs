@@ -231,6 +231,7 @@ mod tests {
             OffGround,
             Crawls,
             Viscous,
+            TimeIntegration,
         ];
         assert_eq!(all.len(), CODES.len());
         for (code, (text, _)) in all.iter().zip(CODES) {
