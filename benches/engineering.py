@@ -459,17 +459,18 @@ def run(program, path, out):
     }
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def study(families, description, count):
+    """Runs COUNT decks of each family and prints a table, with a line for each family; the exit status is 0 if all are complete."""
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("program", type=pathlib.Path)
-    parser.add_argument("--count", type=int, default=34, help="decks of each family")
+    parser.add_argument("--count", type=int, default=count, help="decks of each family")
     parser.add_argument("--only", nargs="*", default=[], help="names of families")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=pathlib.Path, help="keeps the decks and the table")
     parser.add_argument("--jobs", type=int, default=1)
     arguments = parser.parse_args()
     program = arguments.program.resolve()
-    families = [family for family in FAMILIES if not arguments.only or family.__name__ in arguments.only]
+    families = [family for family in families if not arguments.only or family.__name__ in arguments.only]
     with tempfile.TemporaryDirectory() as temporary:
         folder = arguments.out or pathlib.Path(temporary)
         folder.mkdir(parents=True, exist_ok=True)
@@ -507,4 +508,4 @@ def main():
 
 
 if __name__ == "__main__":
-    main()
+    study(FAMILIES, __doc__, 34)

@@ -13,11 +13,11 @@ import yaml
 from results import Results
 
 EXAMPLES = {"annulus", "beam", "collapse", "column", "excavation", "footing", "footing_stages", "shear"}
-EXAMPLES |= {"bearing", "cone", "pipe", "plough", "slope", "triaxial"}
+EXAMPLES |= {"bearing", "cone", "pipe", "plough", "slope", "triaxial", "boulder", "flexible_footing", "hertz"}
 # Clay flows around the tools of these.
-FLOWS = {"cone", "pipe", "plough"}
+FLOWS = {"cone", "pipe", "plough", "boulder"}
 # Usual runs only check these, which take longest; their pages run similar decks.
-LONG = {"footing_stages", "pipe", "plough"}
+LONG = {"footing_stages", "pipe", "plough", "boulder", "hertz"}
 
 
 @pytest.fixture

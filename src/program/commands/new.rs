@@ -63,6 +63,9 @@ const EXAMPLES: &[Example] = &[
     example!(inputs: "pipe"),
     example!(inputs: "cone"),
     example!(inputs: "plough"),
+    example!(inputs: "flexible_footing"),
+    example!(inputs: "boulder"),
+    example!(inputs: "hertz"),
 ];
 
 /// The schema, for editors; the first line of every deck names it.

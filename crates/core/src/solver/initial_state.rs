@@ -1,9 +1,11 @@
 //! Equilibrium of bodies that are stressed and loaded at time 0.
 
 use crate::assembly::Wanted;
+use crate::basis::Connectivity;
+use crate::dofs::DofMap;
 use crate::equilibrium::{InitialState, reactions_of};
 use crate::model::InitialImbalance;
-use crate::step::{Step, StepContext, displacement};
+use crate::step::{Nodal, Step, StepContext, displacement};
 use crate::terms::Ledger;
 use crate::timing::Phase;
 
@@ -61,7 +63,7 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
                 let forces = system.sum.system();
                 let f_ext = forces.external_force();
                 unknowns.reaction = reactions_of(f_ext, forces.internal_force(), &system.dofs);
-                let out_of_balance = unknowns.balance(forces);
+                let out_of_balance = without_contact(unknowns.balance(forces), &links, &system.dofs);
                 let tolerance = model.newton.tolerance;
                 let reaction = &unknowns.reaction;
                 let at =
@@ -91,4 +93,29 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         self.links = links;
         state
     }
+}
+
+/// The forces out of balance without those that contact between bodies can transfer: of the copies of a node, only the
+/// sum has to be in balance, and nothing along axes along which a copy is held.
+fn without_contact<const D: usize, const N: usize>(
+    mut force: Nodal<N>,
+    links: &Connectivity<D>,
+    dofs: &DofMap<N>,
+) -> Nodal<N> {
+    if links.n_body_groups() < 2 {
+        return force;
+    }
+    for &node in links.active_nodes() {
+        let copies = links.copies(node as usize);
+        if copies.len() < 2 {
+            continue;
+        }
+        for axis in 0..D {
+            let is_held = copies.clone().any(|copy| dofs.is_held_along(copy, axis));
+            let sum: f64 = copies.clone().map(|copy| force[copy][axis]).sum();
+            copies.clone().for_each(|copy| force[copy][axis] = 0.0);
+            force[copies.start][axis] = if is_held { 0.0 } else { sum };
+        }
+    }
+    force
 }

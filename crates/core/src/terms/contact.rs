@@ -267,7 +267,7 @@ impl<const D: usize> Contact<D> {
 
 impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
     fn name(&self) -> &'static str {
-        "tool contact"
+        "contact"
     }
 
     fn character(&self, model: &Model<D>) -> Character {

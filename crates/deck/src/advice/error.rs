@@ -69,6 +69,11 @@ pub fn on_error(error: &SolveError) -> Option<&'static str> {
 /// Advice on contact between tools and bodies.
 fn on_contact(error: &ContactError) -> Option<&'static str> {
     match error {
+        ContactError::Overlap { place, .. } if place.is_between_bodies() => Some(
+            "move one of the bodies away by this overlap, or subtract its shape from that of the other with a \
+             `difference`; overlaps of up to a quarter of a cell, as the domains of points cause them at curved \
+             boundaries, are allowed",
+        ),
         ContactError::Overlap { .. } => Some(
             "move the tool away from the body by this overlap, or subtract its shape from that of the body with a \
              `difference`; at a curved boundary, the domains of points reach beyond the boundary by up to half their \
@@ -80,7 +85,7 @@ fn on_contact(error: &ContactError) -> Option<&'static str> {
              thickness of this part of the tool; or blunt its edge",
         ),
         ContactError::NotSettled { .. } => Some(
-            "use smaller steps (`steps: {count, smallest}`), smaller cells, or a larger `overlap` of the tool",
+            "use smaller steps (`steps: {count, smallest}`), smaller cells, or a larger `overlap` of the tool or the contact",
         ),
         ContactError::Loose { .. } => {
             Some("place the tool so that it touches a body at the start, or prescribe its motion")

@@ -9,7 +9,8 @@ use mpm_core::solver::added_points;
 use super::Builder;
 use super::tools::interface;
 use crate::contacts::BodyContactDeck;
-use crate::quoting::list;
+use crate::diagnostic::{Diagnostic, Severity};
+use crate::quoting::{list, quote};
 use crate::region::DeckRegion;
 
 /// Default of `overlap`, relative to the cell size, [-].
@@ -124,7 +125,10 @@ where
         let in_contact = contacts.iter().filter(|contact| contact.interface.is_some());
         let pairs: Vec<[usize; 2]> = in_contact.map(|contact| contact.bodies).collect();
         let Glued { bodies, together } = match BodyGroups::new(model.bodies.len(), &pairs, joined) {
-            Ok(groups) => return groups,
+            Ok(groups) => {
+                self.passing(model, &groups, &pairs, pointer);
+                return groups;
+            }
             Err(glued) => glued,
         };
         let name = |body: &usize| model.bodies[*body].name.as_str();
@@ -137,6 +141,31 @@ where
         let help = "name the other pairs, too, or write `between: all`".to_owned();
         self.error("D076", pointer, message, help);
         BodyGroups::default()
+    }
+
+    /// Warns of bodies that neither stick together nor are in contact: where they meet, they pass through each other.
+    fn passing(&mut self, model: &Model<D>, groups: &BodyGroups, in_contact: &[[usize; 2]], pointer: &str) {
+        let n = model.bodies.len();
+        let all = (0..n).flat_map(|a| (a + 1..n).map(move |b| [a, b]));
+        let is_free = |&[a, b]: &[usize; 2]| {
+            groups.group(a) != groups.group(b)
+                && !in_contact.contains(&[a, b])
+                && !in_contact.contains(&[b, a])
+        };
+        let name = |body: usize| quote(&model.bodies[body].name);
+        let free: Vec<String> =
+            all.filter(is_free).map(|[a, b]| format!("{} and {}", name(a), name(b))).collect();
+        let Some(first) = free.first() else { return };
+        let more = match free.len() - 1 {
+            0 => String::new(),
+            others => format!(", and {others} other pairs"),
+        };
+        let message = format!(
+            "bodies without contact have nodes of their own and pass through each other if they meet: {first}{more}"
+        );
+        let found = Diagnostic::at(&self.loaded.source, "D077", pointer, message).severity(Severity::Warning);
+        self.found
+            .push(found.help("add `{between: all}`, which gives contact to all pairs that no entry names"));
     }
 }
 

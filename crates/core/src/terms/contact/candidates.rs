@@ -41,6 +41,7 @@ use super::carriers::Carriers;
 use super::counterpart::Counterpart;
 use super::edges::Edges;
 use super::facet::Facet;
+use super::interface::Multiplier;
 use super::key::{CENTRE, FACE, Kept, Key, is_on_side};
 use super::motion::{Moving, farthest};
 use super::outer::Outer;
@@ -105,6 +106,8 @@ pub(super) struct Candidate<const D: usize> {
     pub(super) is_on_second: bool,
     /// Its share of what its corner keeps from step to step, [-].
     pub(super) share: f64,
+    /// The multiplier that the stresses of two bodies give, for a contact that begins between bodies under stress.
+    pub(super) at_rest: Multiplier<D>,
 }
 
 impl<const D: usize> Candidate<D> {
@@ -294,6 +297,7 @@ impl<const D: usize> Search<'_, D> {
             facet: None,
             is_on_second: false,
             share: 1.0,
+            at_rest: Multiplier::default(),
         })
     }
 

@@ -37,6 +37,12 @@ pub(super) struct Multiplier<const D: usize> {
     pub(super) shear: [f64; D],
 }
 
+impl<const D: usize> Multiplier<D> {
+    pub(super) fn times(self, factor: f64) -> Self {
+        Multiplier { normal: factor * self.normal, shear: self.shear.map(|t| factor * t) }
+    }
+}
+
 impl<const D: usize> Default for Multiplier<D> {
     fn default() -> Self {
         Multiplier { normal: 0.0, shear: [0.0; D] }

@@ -45,11 +45,7 @@ pub(super) struct Kept<const D: usize> {
 impl<const D: usize> Kept<D> {
     /// The state with a share of the forces.
     pub(super) fn with_share(self, share: f64) -> Self {
-        if share == 1.0 {
-            return self;
-        }
-        let Multiplier { normal, shear } = self.multiplier;
-        Kept { multiplier: Multiplier { normal: share * normal, shear: shear.map(|t| share * t) }, ..self }
+        Kept { multiplier: self.multiplier.times(share), ..self }
     }
 
     /// The state of two contact points together.

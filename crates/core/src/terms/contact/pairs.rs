@@ -19,25 +19,53 @@ use crate::terms::failure::ContactError;
 use crate::tool::Closest;
 
 use super::body_side::{AT_END, PlaceOnSides, Side};
-use super::candidates::{Candidate, MIN_AREA, Search, TOUCHING, named};
+use super::candidates::{Candidate, MIN_AREA, Search, named};
 use super::carriers::Carriers;
 use super::counterpart::Counterpart;
 use super::facet::Facet;
 use super::facing_in_space::Overlap;
+use super::interface::Multiplier;
 use super::key::{FACE, FIRST_SIDE, Key};
 use super::outer::Outer;
+use super::sides::SidePiece;
 
 /// Largest cosine of the angle between the outward normals of two sides that face each other, [-].
 const FACING: f64 = -0.5;
 /// Depth of a contact point below a side, relative to the size of a cell, down to which it may touch this side, [-].
 const DEEPEST: f64 = 0.5;
+/// Overlap with which two bodies may begin, relative to the size of a cell, [-]: by as much the domains of points reach
+/// beyond a curved boundary with two points along each side of a cell.
+const AT_START: f64 = 0.25;
 /// Factor on the distance within which positions coincide (see [`Places`]) for corners of domains that are one, [-].
 const SAME_CORNER: f64 = 1e3;
 /// Facets count as one for a contact point if the cosine of the angle between their normals differs from 1 by less, [-].
 const SAME_PLANE: f64 = 1e-12;
 
-/// The contact points of each corner or side, as indices into the candidates.
-type Known = FxHashMap<Key, Vec<usize>>;
+/// The contact points between two bodies.
+struct Found<'a, const D: usize> {
+    candidates: &'a mut Vec<Candidate<D>>,
+    /// The contact points of each corner or side, as indices into the candidates.
+    known: FxHashMap<Key, Vec<usize>>,
+    /// The pieces of the surface between the bodies.
+    pieces: &'a mut Vec<Piece<D>>,
+}
+
+impl<const D: usize> Found<'_, D> {
+    /// Adds a contact point of the corner or side with this key.
+    fn push(&mut self, key: Key, candidate: Candidate<D>) -> usize {
+        self.known.entry(key).or_default().push(self.candidates.len());
+        self.candidates.push(candidate);
+        self.candidates.len() - 1
+    }
+}
+
+/// A piece of the surface between two bodies: the index of its contact point, its centre, [length], and its area,
+/// [length²].
+struct Piece<const D: usize> {
+    candidate: usize,
+    centre: [f64; D],
+    area: f64,
+}
 
 /// Where a contact point on one side faces another side.
 struct Meeting<'a, const D: usize> {
@@ -54,27 +82,33 @@ struct Meeting<'a, const D: usize> {
 }
 
 impl<const D: usize> Search<'_, D> {
-    /// Adds the contact points between bodies to the candidates.
+    /// Adds the contact points between bodies to the candidates; the result are the pieces of the surfaces between them.
     ///
     /// # Errors
     /// [`ContactError::Overlap`] for two bodies of which one begins inside the other.
-    pub(super) fn between_bodies(&self, candidates: &mut Vec<Candidate<D>>) -> Result<(), ContactError> {
+    pub(super) fn between_bodies(
+        &self,
+        candidates: &mut Vec<Candidate<D>>,
+    ) -> Result<Vec<SidePiece<D>>, ContactError> {
         let pairs = || self.model.contacts.iter().enumerate().filter(|(_, pair)| pair.interface.is_some());
         if pairs().next().is_none() {
-            return Ok(());
+            return Ok(Vec::new());
         }
         let moduli = self.moduli();
         let in_contact = |body: usize| pairs().any(|(_, pair)| pair.bodies.contains(&body));
         let sides: Vec<Vec<Side<D>>> = (0..self.model.bodies.len())
             .map(|body| if in_contact(body) { self.sides_of_body(body, &moduli) } else { Vec::new() })
             .collect();
-        let first = candidates.len();
+        let (first, mut pieces) = (candidates.len(), Vec::new());
         for (number, pair) in pairs() {
-            let [one, other] = pair.bodies.map(|body| &sides[body]);
-            self.between(number, one, other, candidates)?;
+            let found = Found { candidates, known: FxHashMap::default(), pieces: &mut pieces };
+            self.between(number, pair.bodies.map(|body| sides[body].as_slice()), found)?;
         }
         take_shares(&mut candidates[first..]);
-        Ok(())
+        let of_surface = |piece: Piece<D>| {
+            SidePiece::between_bodies(&candidates[piece.candidate], piece.centre, piece.area)
+        };
+        Ok(pieces.into_iter().map(of_surface).collect())
     }
 
     /// The outer sides of a body.
@@ -132,15 +166,13 @@ impl<const D: usize> Search<'_, D> {
     fn between(
         &self,
         pair: usize,
-        first: &[Side<D>],
-        second: &[Side<D>],
-        candidates: &mut Vec<Candidate<D>>,
+        [first, second]: [&[Side<D>]; 2],
+        mut found: Found<D>,
     ) -> Result<(), ContactError> {
         let Search { model, .. } = *self;
         let number = model.tools.len() + pair;
         let boxes: Vec<_> = second.iter().map(|side| around(&side.corners)).collect();
         let tree = BoxTree::new(&boxes);
-        let mut known = Known::default();
         for side in first {
             let reach = self.reach(number, side.size);
             let [low, high] = around(&side.corners);
@@ -155,9 +187,9 @@ impl<const D: usize> Search<'_, D> {
                     continue;
                 }
                 if D == 2 {
-                    self.add_in_plane(number, [side, other], &mut known, candidates)?;
+                    self.add_in_plane(number, [side, other], &mut found)?;
                 } else {
-                    self.add_in_space(number, [side, other], &mut known, candidates)?;
+                    self.add_in_space(number, [side, other], &mut found)?;
                 }
             }
         }
@@ -169,8 +201,7 @@ impl<const D: usize> Search<'_, D> {
         &self,
         number: usize,
         [side, other]: [&Side<D>; 2],
-        known: &mut Known,
-        candidates: &mut Vec<Candidate<D>>,
+        found: &mut Found<D>,
     ) -> Result<(), ContactError> {
         let model = self.model;
         let lines = |a: &[f64; D], b: &[f64; D]| crossings(model.grid.as_ref(), a, b);
@@ -178,8 +209,10 @@ impl<const D: usize> Search<'_, D> {
             let [a, b] = [ends[0], ends[1]];
             let middle = side.position(0.5 * (a.first + b.first));
             let area = 0.5 * (b.first - a.first) * norm(&side.edge()) * model.depth(&middle);
-            for place in [a, b] {
-                self.add(number, [side, other], place, area, known, candidates)?;
+            for (place, beyond) in [(a, b), (b, a)] {
+                let Some(candidate) = self.add(number, [side, other], place, area, found)? else { continue };
+                let centre = side.position(0.75 * place.first + 0.25 * beyond.first);
+                found.pieces.push(Piece { candidate, centre, area });
             }
         }
         Ok(())
@@ -190,8 +223,7 @@ impl<const D: usize> Search<'_, D> {
         &self,
         number: usize,
         [side, other]: [&Side<D>; 2],
-        known: &mut Known,
-        candidates: &mut Vec<Candidate<D>>,
+        found: &mut Found<D>,
     ) -> Result<(), ContactError> {
         let carried = |side: &Side<D>, x: &[f64; D]| self.basis(side.p, x, side.method).1;
         let Some(overlap) = side.overlap(other, self.model.grid.as_ref(), &carried) else { return Ok(()) };
@@ -202,11 +234,11 @@ impl<const D: usize> Search<'_, D> {
         if !self.is_within_reach(&meeting, number)? {
             return Ok(());
         }
-        let forming = known.entry(key).or_default();
-        let key = Key { corner: corner + FACE * forming.len() as u32, ..key };
-        if let Some(candidate) = self.on_facet(key, meeting) {
-            forming.push(candidates.len());
-            candidates.push(Candidate { area, ..candidate });
+        let forming = found.known.get(&key).map_or(0, Vec::len);
+        let numbered = Key { corner: corner + FACE * forming as u32, ..key };
+        if let Some(candidate) = self.on_facet(numbered, meeting) {
+            let candidate = found.push(key, Candidate { area, ..candidate });
+            found.pieces.push(Piece { candidate, centre: x, area });
         }
         Ok(())
     }
@@ -225,7 +257,7 @@ impl<const D: usize> Search<'_, D> {
         }
         let bodies = [own, other].map(|side| points.body[side.p] as usize);
         let has_begun = bodies.iter().all(|body| self.has_begun[*body]);
-        if *gap < -TOUCHING * size && !has_begun {
+        if *gap < -AT_START * size && !has_begun {
             let place = named(model, &pair, bodies[0], points.id[own.p], x);
             return Err(ContactError::Overlap { place, overlap: -gap });
         }
@@ -237,16 +269,16 @@ impl<const D: usize> Search<'_, D> {
         self.within.max(Counterpart::new(self.model, number as u32).control().largest_slide * size)
     }
 
-    /// Adds an area to the contact point at a place on two sides, which is new if there is none.
+    /// Adds an area to the contact point at a place on two sides, which is new if there is none; its index, or `None` if
+    /// it cannot touch.
     fn add(
         &self,
         number: usize,
         sides: [&Side<D>; 2],
         place: PlaceOnSides,
         area: f64,
-        known: &mut Known,
-        candidates: &mut Vec<Candidate<D>>,
-    ) -> Result<(), ContactError> {
+        found: &mut Found<D>,
+    ) -> Result<Option<usize>, ContactError> {
         let corners = [Side::<D>::corner_at(place.first), Side::<D>::corner_at(place.second)];
         // A corner touches the other side; a crossing with a line of the grid is a place on the first side.
         let (own, other, at) = match corners {
@@ -260,16 +292,17 @@ impl<const D: usize> Search<'_, D> {
         let (point, corner) = Side::<D>::corner_at(at)
             .map_or((self.points.id[own.p], FIRST_SIDE + own.number as u32), |corner| own.owners[corner]);
         let key = Key { tool: number as u32, point, corner };
-        let forming = known.entry(key).or_default();
         let is_same = |k: &&usize| {
-            let candidate = &candidates[**k];
+            let candidate = &found.candidates[**k];
             dot(&candidate.near.normal, &other.normal) > 1.0 - SAME_PLANE
                 && norm(&minus(&candidate.start, &x)) <= AT_END * size
         };
-        if let Some(&found) = forming.iter().find(is_same) {
-            candidates[found].area += area;
-            return Ok(());
+        let forming = found.known.get(&key).map_or(&[][..], Vec::as_slice);
+        if let Some(&same) = forming.iter().find(is_same) {
+            found.candidates[same].area += area;
+            return Ok(Some(same));
         }
+        let numbered = Key { corner: corner + FACE * forming.len() as u32, ..key };
         let on_own = match Side::<D>::corner_at(at) {
             Some(corner) => own.carriers[corner].clone(),
             None => self.carriers_at(own, at),
@@ -277,14 +310,10 @@ impl<const D: usize> Search<'_, D> {
         let beyond = self.carriers_at(other, other.fraction(&foot));
         let meeting = Meeting { sides: [own, other], x, foot, gap, own: on_own, beyond };
         if !self.is_within_reach(&meeting, number)? {
-            return Ok(());
+            return Ok(None);
         }
-        let key = Key { corner: corner + FACE * forming.len() as u32, ..key };
-        if let Some(candidate) = self.on_facet(key, meeting) {
-            forming.push(candidates.len());
-            candidates.push(Candidate { area, ..candidate });
-        }
-        Ok(())
+        let candidate = self.on_facet(numbered, meeting);
+        Ok(candidate.map(|candidate| found.push(key, Candidate { area, ..candidate })))
     }
 
     /// The nodes that carry a position on a side in the plane, given as a fraction of the side.
@@ -353,7 +382,28 @@ impl<const D: usize> Search<'_, D> {
             facet: Some(Box::new(facet)),
             is_on_second: model.contacts[number].bodies[1] == body,
             share: 1.0,
+            at_rest: self.stress_across([own.p, other.p], &normal),
         })
+    }
+
+    /// The multiplier per unit area that the mean of the Cauchy stresses of two material points gives on a side with
+    /// this inward normal, [stress]; bodies under tension part.
+    fn stress_across(&self, points: [usize; 2], normal: &[f64; D]) -> Multiplier<D> {
+        let mut pull = [0.0; D];
+        for p in points {
+            let state = &self.points.converged;
+            let tau = &state.kirchhoff_stress[p];
+            let half = 0.5 / state.deformation_gradient[p].determinant();
+            for (i, pull) in pull.iter_mut().enumerate() {
+                *pull += half * (0..D).map(|j| tau.component(i, j) * normal[j]).sum::<f64>();
+            }
+        }
+        let pressure = -dot(&pull, normal);
+        if pressure > 0.0 {
+            Multiplier { normal: pressure, shear: along(&pull, pressure, normal).map(|t| -t) }
+        } else {
+            Multiplier::default()
+        }
     }
 }
 
@@ -369,6 +419,7 @@ fn take_shares<const D: usize>(candidates: &mut [Candidate<D>]) {
         let (area, whole) = (candidate.area, areas[&candidate.key.of_corner()]);
         candidate.share = if whole > 0.0 { area / whole } else { 1.0 };
         candidate.bearing = area;
+        candidate.at_rest = candidate.at_rest.times(area);
         candidate.stiffness *= area;
         candidate.penalty_if_slow = candidate.penalty * area.max(candidate.penalty_if_slow);
         candidate.penalty *= area;

@@ -1,6 +1,8 @@
 //! Checks of a step: how far contact points have moved, and whether a tool has come between the centre of a domain and
 //! one of its corners.
 
+use std::collections::BTreeSet;
+
 use rustc_hash::FxHashMap;
 
 use crate::basis::Method;
@@ -222,6 +224,9 @@ type Awake<const D: usize> = ([Multiplier<D>; 2], f64, f64);
 const AWAKE: f64 = 0.1;
 const AWAKE_AFTER: f64 = 10.0;
 
+/// Overlap of two bodies beyond which no step has left it, relative to the size of a cell, [-].
+const INHERITED: f64 = 2e-3;
+
 impl<const D: usize> Contact<D> {
     /// The search for the contact points of a step.
     pub(super) fn search<'a>(&'a self, step: &StepContext<'a, D>, points: &'a Points<D>) -> Search<'a, D> {
@@ -275,15 +280,27 @@ impl<const D: usize> Contact<D> {
             kept.map(|kept| kept.with_share(candidate.share))
         };
         let kept: Vec<Option<Kept<D>>> = self.candidates.iter().map(kept_by).collect();
-        self.start =
-            kept.iter().map(|kept| kept.map_or_else(Multiplier::default, |kept| kept.multiplier)).collect();
+        // Between bodies under stress, contact begins with the stress that acts across it.
+        let in_contact: BTreeSet<u32> = self.converged.keys().map(|key| key.tool).collect();
+        let begins = |candidate: &Candidate<D>| {
+            !in_contact.contains(&candidate.key.tool)
+                && candidate.near.gap.abs() <= candidates::TOUCHING * candidate.size
+        };
+        let at_start = |(candidate, kept): (&Candidate<D>, &Option<Kept<D>>)| match kept {
+            Some(kept) => kept.multiplier,
+            None if begins(candidate) => candidate.at_rest,
+            None => Multiplier::default(),
+        };
+        self.start = self.candidates.iter().zip(&kept).map(at_start).collect();
         let touches = |candidate: &Candidate<D>| candidate.near.gap <= candidates::TOUCHING * candidate.size;
         self.has_touched = (self.candidates.iter().zip(&kept))
             .map(|(candidate, kept)| kept.is_some() || touches(candidate))
             .collect();
         for (candidate, kept) in self.candidates.iter_mut().zip(&kept) {
-            // Corners of CPDI2 domains stay where contact has put them, so they need no allowance.
-            if !keeps_corners(step.model, candidate) {
+            // Corners of CPDI2 domains stay where contact has put them, so they need no allowance, unless two bodies
+            // have begun with an overlap.
+            let is_from_start = candidate.facet.is_some() && candidate.near.gap < -INHERITED * candidate.size;
+            if is_from_start || !keeps_corners(step.model, candidate) {
                 let (motion, excess) = kept.map_or((0.0, 0.0), |kept| (kept.motion, kept.excess));
                 let bears = kept.is_some_and(|kept| kept.multiplier.normal > 0.0);
                 candidate.allowance = allowance(candidate.near.gap, candidate.size, motion, excess, bears);

@@ -132,7 +132,11 @@ impl<const D: usize> Search<'_, D> {
         pieces.par_iter_mut().for_each(link);
         candidates.clear();
         pieces.iter_mut().for_each(|found| candidates.append(&mut found.candidates));
-        agreed(self.links.reduction(), self.between_bodies(candidates))
+        let between_bodies = agreed(self.links.reduction(), self.between_bodies(candidates))?;
+        if let Some(found) = pieces.first_mut() {
+            found.sides.extend(between_bodies);
+        }
+        Ok(())
     }
 
     /// Adds the contact points of a material point; `far` bounds the distance of each tool from a position nearby.

@@ -130,6 +130,26 @@ fn on_tool<const D: usize>(near: &Closest<D>) -> f64 {
     (1.0 - near.gap * trace + near.gap * near.gap * minors).max(0.0)
 }
 
+impl<const D: usize> SidePiece<D> {
+    /// A piece at `position`, [length], of the surface between two bodies that belongs to a contact point.
+    pub(super) fn between_bodies(candidate: &Candidate<D>, position: [f64; D], area: f64) -> Self {
+        let Place { key, body, start, normal, .. } = Place::new(candidate, false);
+        let Candidate { near, size, .. } = candidate;
+        SidePiece {
+            key,
+            body,
+            position,
+            corner: start,
+            normal,
+            area,
+            lift: near.gap,
+            size: *size,
+            is_riser: false,
+            end: position,
+        }
+    }
+}
+
 impl<const D: usize> Search<'_, D> {
     /// The outer sides at the corners of a material point; their pieces that face a tool are added to `found`. `starts`
     /// are the contact points at the corners, [length].
@@ -215,6 +235,24 @@ struct Place<const D: usize> {
     is_outer: bool,
 }
 
+impl<const D: usize> Place<D> {
+    /// The place of a contact point. Contact points of two bodies take each other's pieces: they count for the same
+    /// body, and the normals of both surfaces as that of the second.
+    fn new(candidate: &Candidate<D>, touches: bool) -> Self {
+        let &Candidate { key, body, start, is_on_second, .. } = candidate;
+        let is_between_bodies = candidate.facet.is_some();
+        let sign = if is_on_second { -1.0 } else { 1.0 };
+        Place {
+            key,
+            body: if is_between_bodies { 0 } else { body },
+            start,
+            normal: candidate.near.normal.map(|n| sign * n),
+            touches,
+            is_outer: is_between_bodies || candidate.outer.has_any(),
+        }
+    }
+}
+
 /// Gives the pieces of sides to contact points, whose multipliers at the start of the step tell which of them touch.
 /// All ranks must call this together.
 pub(super) fn share_out<const D: usize>(
@@ -223,14 +261,9 @@ pub(super) fn share_out<const D: usize>(
     candidates: &mut [Candidate<D>],
     start: &[Multiplier<D>],
 ) {
-    let place = |(candidate, multiplier): (&Candidate<D>, &Multiplier<D>)| Place {
-        key: candidate.key,
-        body: candidate.body,
-        start: candidate.start,
-        normal: candidate.near.normal,
-        // Under tension, the multiplier is negative.
-        touches: multiplier.normal != 0.0,
-        is_outer: candidate.outer.has_any(),
+    // Under tension, the multiplier is negative.
+    let place = |(candidate, multiplier): (&Candidate<D>, &Multiplier<D>)| {
+        Place::new(candidate, multiplier.normal != 0.0)
     };
     let places = gathered(reduction, candidates.iter().zip(start).map(place).collect());
     let pieces = without_loose_risers(gathered(reduction, pieces));
@@ -255,7 +288,7 @@ pub(super) fn share_out<const D: usize>(
                 .any(|k| norm(&minus(&beside[k], &candidate.start)) <= candidate.size)
         };
         // Where no side is left, as in a cut, a contact point stands for the side of its own domain.
-        if candidate.outer.has_any() || area > 0.0 || has_sides_beside() {
+        if candidate.facet.is_some() || candidate.outer.has_any() || area > 0.0 || has_sides_beside() {
             candidate.area = area;
         }
     }

@@ -16,6 +16,18 @@ pub struct ContactPlace {
     pub position: Vec<f64>,
 }
 
+impl ContactPlace {
+    /// True if a body touches another body.
+    pub fn is_between_bodies(&self) -> bool {
+        self.other.starts_with("body")
+    }
+
+    /// What the body touches, in a word.
+    fn kind(&self) -> &'static str {
+        if self.is_between_bodies() { "body" } else { "tool" }
+    }
+}
+
 impl std::fmt::Display for ContactPlace {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let ContactPlace { other, body, point, position } = self;
@@ -45,8 +57,8 @@ pub enum ContactError {
         /// The largest relative motion allowed, [length].
         most: f64,
     },
-    /// A contact point passes through a part of a tool in one step.
-    #[error("{place}: the contact point passes through the tool in one step")]
+    /// A contact point passes through a part of a tool, or a side of a body, in one step.
+    #[error("{place}: the contact point passes through the surface of the {} in one step", place.kind())]
     Through {
         /// The contact point.
         place: ContactPlace,
