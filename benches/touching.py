@@ -13,9 +13,11 @@ import math
 from engineering import clay, deck, held, sand, structured, study, weight
 
 
-def domains(draw, material):
-    """Method and points per cell; mean dilatation for material that flows."""
+def domains(draw, material, is_straight=True):
+    """Method and points per cell; mean dilatation for material that flows. Boxes are for straight bodies."""
     body = {"method": draw.choose("cpdi2", "cpdi2", "cpdi1", "gimp"), "points_per_cell": draw.choose(2, 2, 3)}
+    if not is_straight and body["method"] == "gimp":
+        body["method"] = "cpdi2"
     if material["model"] not in ("hencky", "neo-hookean"):
         body["strain"] = "mean-dilatation"
     return body
@@ -84,7 +86,7 @@ def block_on_ground(draw):
 def stack(draw):
     """Two to four blocks on each other and on ground, under their weight, at times pushed from above."""
     h = draw.choose(0.25, 0.5)
-    count, height = draw.choose(2, 3, 4), draw.choose(0.75, 1.0)
+    count, height = draw.choose(2, 3, 4), draw.choose(0.75, 1.0) if h == 0.25 else 1.0
     width, depth = 6.0, 1.0
     materials = {"soil": soil(draw), "rock": rock(draw)}
     bodies = [box("ground", "soil", [0, 0], [width, depth]) | domains(draw, materials["soil"])]
@@ -94,7 +96,7 @@ def stack(draw):
         size = draw.choose(2.0, 2.5)
         low = depth + number * height
         bodies.append(box(f"block{number}", "rock", [left, low], [left + size, low + height]) | filling)
-        left += draw.choose(-0.25, 0, 0.25)
+        left += draw.choose(-h, 0, h)
     others = {}
     conditions = held(width)
     if draw.chance(0.5):
@@ -113,7 +115,7 @@ def cylinder(draw):
     width, depth, radius = 8.0, 3.0, draw.choose(1.0, 1.5)
     materials = {"soil": soil(draw), "rock": rock(draw)}
     bar = {"name": "bar", "material": "rock", "shape": {"type": "circle", "center": [4, depth + radius], "radius": radius}}
-    bodies = [box("ground", "soil", [0, 0], [width, depth]) | domains(draw, materials["soil"]), bar | domains(draw, materials["rock"])]
+    bodies = [box("ground", "soil", [0, 0], [width, depth]) | domains(draw, materials["soil"]), bar | domains(draw, materials["rock"], False)]
     surfaces = [{"name": "upper", "body": "bar", "part": {"half_space": {"point": [4, depth + radius], "normal": [0, 1]}}}]
     condition = {"name": "press", "surface": "upper", "ux": 0, "uy": -round(draw.between(0.05, 0.2) * radius, 3)}
     return deck("cylinder", structured(width, depth + 2 * radius + 1, h), materials, bodies, [*held(width), condition], [],
@@ -155,7 +157,7 @@ def block_on_slope(draw):
     corner = lambda a, b: [round(x + a * cosine - b * sine, 6), round(at(x) + a * sine + b * cosine, 6)]
     block = {"name": "block", "material": "rock",
              "shape": {"type": "polygon", "vertices": [corner(0, 0), corner(size, 0), corner(size, height), corner(0, height)]}}
-    bodies = [ground | domains(draw, materials["soil"]), block | domains(draw, materials["rock"])]
+    bodies = [ground | domains(draw, materials["soil"], False), block | domains(draw, materials["rock"], False)]
     friction = draw.choose(1.1, 1.5, 3.0) * slope
     contacts = [{"between": ["slope", "block"], "friction": round(friction, 3)}]
     conditions = [{"name": "base", "nodes": {"y": 0}, "fix": ["x", "y"]}, {"name": "left", "nodes": {"x": 0}, "fix": ["x"]},
@@ -228,7 +230,7 @@ def wall(draw):
     for entry in entries:
         entry.pop("tension", None)
     return deck("wall between soils", structured(width, below + height + 1, h), materials, bodies, [*held(width), condition],
-                [weight()], draw.choose(10, 20), surfaces=[surface], contacts=entries)
+                [weight()], draw.choose(10, 20), surfaces=[surface], contacts=entries, analysis={"initial_imbalance": "equilibrate"})
 
 
 FAMILIES = [block_on_ground, stack, cylinder, footing, block_on_slope, forming, beam, wall]

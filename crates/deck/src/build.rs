@@ -2,6 +2,7 @@
 
 mod axisymmetry;
 mod bodies;
+mod contact_outlines;
 mod contacts;
 pub mod first_step;
 mod footing_cells;
@@ -283,6 +284,7 @@ where
         }
         self.divide(&mut model, &mut points, &regions);
         self.group_bodies(&mut model, &points);
+        self.contact_outlines(&model, &points, &regions);
         self.follow(&mut model);
         Some((model, points))
     }

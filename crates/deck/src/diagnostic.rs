@@ -178,6 +178,7 @@ pub const CODES: &[(&str, &str)] = &[
     ("D075", "a footing across few cells"),
     ("D076", "contact between bodies that cannot be formed"),
     ("D077", "bodies without contact that pass through each other"),
+    ("D078", "a body in contact whose surface is a staircase"),
     ("D080", "motion with inertia that cannot be as stated"),
     ("D081", "a velocity of a body that does not move"),
     ("D082", "a motion that cannot be read"),

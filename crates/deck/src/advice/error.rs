@@ -71,7 +71,7 @@ fn on_contact(error: &ContactError) -> Option<&'static str> {
     match error {
         ContactError::Overlap { place, .. } if place.is_between_bodies() => Some(
             "move one of the bodies away by this overlap, or subtract its shape from that of the other with a \
-             `difference`; overlaps of up to a quarter of a cell, as the domains of points cause them at curved \
+             `difference`; overlaps of up to half a cell, as the domains of points cause them at oblique \
              boundaries, are allowed",
         ),
         ContactError::Overlap { .. } => Some(

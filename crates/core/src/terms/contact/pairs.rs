@@ -32,10 +32,11 @@ use super::sides::SidePiece;
 /// Largest cosine of the angle between the outward normals of two sides that face each other, [-].
 const FACING: f64 = -0.5;
 /// Depth of a contact point below a side, relative to the size of a cell, down to which it may touch this side, [-].
-const DEEPEST: f64 = 0.5;
-/// Overlap with which two bodies may begin, relative to the size of a cell, [-]: by as much the domains of points reach
-/// beyond a curved boundary with two points along each side of a cell.
-const AT_START: f64 = 0.25;
+const DEEPEST: f64 = 0.6;
+/// Overlap with which two bodies may begin, relative to the size of a cell, [-]: by up to a quarter of a cell, the boxes of
+/// either reach beyond an oblique boundary with two points along each side of a cell.
+const AT_START: f64 = 0.5;
+const _: () = assert!(AT_START < DEEPEST);
 /// Factor on the distance within which positions coincide (see [`Places`]) for corners of domains that are one, [-].
 const SAME_CORNER: f64 = 1e3;
 /// Facets count as one for a contact point if the cosine of the angle between their normals differs from 1 by less, [-].
