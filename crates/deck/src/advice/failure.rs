@@ -65,7 +65,10 @@ fn by_kind(diagnosis: &Diagnosis, means: &Means) -> String {
 fn advice(kind: Kind, at: &Circumstances, means: &Means) -> &'static str {
     let has_no_path = means.is_known && !means.can_follow_path;
     match kind {
-        Kind::RigidBodyMode => "hold every part of the bodies along every axis and against rotation",
+        Kind::RigidBodyMode => {
+            "hold every part of the bodies along every axis and against rotation; a body that only contact holds must touch \
+             at the start, or move with inertia (`dynamic: {}`)"
+        }
         Kind::FreeTool => {
             "place and load the tool so that the bodies resist its motion in every free component (by friction where it turns or \
              slides); or prescribe some of these components"

@@ -11,6 +11,7 @@
 mod chart;
 mod colour;
 mod comparison;
+mod contacts;
 mod convergence;
 mod curves;
 mod element_test;

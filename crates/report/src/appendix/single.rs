@@ -21,8 +21,8 @@ use super::sections::{
 };
 use super::stages;
 use super::strength;
-use super::tools;
 use super::units::{Naming, Quantity};
+use super::{contacts, tools};
 
 /// Writes the page.
 pub(super) fn page(run: &Run, options: &Options) -> Result<String, ReportError> {
@@ -32,6 +32,7 @@ pub(super) fn page(run: &Run, options: &Options) -> Result<String, ReportError> 
     model(&mut page, run, &naming);
     load_and_displacement(&mut page, run, &naming);
     tools::section(&mut page, run, &naming);
+    contacts::section(&mut page, run, &naming);
     strength::section(&mut page, run, &naming)?;
     deformed_points(&mut page, run, options, &naming)?;
     convergence(&mut page, run, &naming);
@@ -252,6 +253,7 @@ fn model(page: &mut Page, run: &Run, naming: &Naming) {
     }
     page.table("Loads.", &loads);
     tools::given(page, &value);
+    contacts::given(page, &value);
 }
 
 fn named(entry: &Value, key: &str) -> Cell {

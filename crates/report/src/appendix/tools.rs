@@ -17,13 +17,13 @@ const MAX_CURVES: usize = 12;
 /// Values below this share of the largest count as round-off.
 const ROUND_OFF: f64 = 1e-9;
 
-/// A column of a tool, or of one of its parts.
-struct Quantified {
+/// A column of a tool, of one of its parts, or of two bodies in contact.
+pub(super) struct Quantified {
     /// The column of `history.csv`.
-    column: String,
+    pub(super) column: String,
     /// Name of the column in a table, such as `tip: force y`.
-    name: String,
-    quantity: Quantity,
+    pub(super) name: String,
+    pub(super) quantity: Quantity,
 }
 
 /// Adds a table of the tools as the deck gives them, if it has any.
@@ -51,8 +51,11 @@ pub(super) fn section(page: &mut Page, run: &Run, naming: &Naming) {
          the tools.",
     );
     for tool in &deck.tools {
-        page.table(&format!("Tool <code>{}</code>.", escape(&tool.name)), &table(run, tool, naming));
-        figures(page, run, tool, naming);
+        let columns = columns(run, tool);
+        let name = format!("the tool <code>{}</code>", escape(&tool.name));
+        let parts = if tool.parts.is_empty() { "" } else { " and its parts" };
+        page.table(&format!("Tool <code>{}</code>.", escape(&tool.name)), &table(run, &columns, naming));
+        figures(page, run, &columns, &format!("{name}{parts}"), naming);
     }
     if let Some(work) = run.number("/friction_work") {
         let work = with_unit(work, Quantity::Energy, naming);
@@ -89,12 +92,11 @@ fn columns(run: &Run, tool: &ToolDeck) -> Vec<Quantified> {
     found
 }
 
-/// The values of a tool at the end, and their extremes with the steps in which they occur.
-fn table(run: &Run, tool: &ToolDeck, naming: &Naming) -> Table {
+/// The values of columns at the end, and their extremes with the steps in which they occur.
+pub(super) fn table(run: &Run, columns: &[Quantified], naming: &Naming) -> Table {
     let mut table = Table::new(["", "#At the end", "#Lowest", "#In step", "#Highest", "#In step"]);
     let steps = run.column("step");
-    let columns = columns(run, tool);
-    for Quantified { column, name, quantity } in &columns {
+    for Quantified { column, name, quantity } in columns {
         let values = run.column(column);
         let alike = columns.iter().filter(|other| other.quantity == *quantity);
         let most = alike.map(|other| largest(run, &other.column)).fold(0.0, f64::max);
@@ -117,9 +119,8 @@ fn table(run: &Run, tool: &ToolDeck, naming: &Naming) -> Table {
     table
 }
 
-/// Forces and moments of a tool and its parts against its motion.
-fn figures(page: &mut Page, run: &Run, tool: &ToolDeck, naming: &Naming) {
-    let columns = columns(run, tool);
+/// Forces and moments among the columns of what `owner` names, against its motion if it has one.
+pub(super) fn figures(page: &mut Page, run: &Run, columns: &[Quantified], owner: &str, naming: &Naming) {
     for (quantity, name, motion) in
         [(Quantity::Force, "force", Quantity::Length), (Quantity::Moment, "moment", Quantity::Angle)]
     {
@@ -128,16 +129,11 @@ fn figures(page: &mut Page, run: &Run, tool: &ToolDeck, naming: &Naming) {
         let acting: Vec<&Quantified> =
             alike().filter(|column| largest(run, &column.column) > ROUND_OFF * most).collect();
         let moved =
-            largest_motion(run, &columns, motion).or_else(|| largest_motion(run, &columns, Quantity::Length));
+            largest_motion(run, columns, motion).or_else(|| largest_motion(run, columns, Quantity::Length));
         for group in acting.chunks(MAX_CURVES) {
             let (chart, against) = chart(run, group, quantity, name, moved);
-            let tool_name = escape(&tool.name);
-            let parts = if tool.parts.is_empty() { "" } else { " and its parts" };
             let name = if name == "force" { "Forces" } else { "Moments" };
-            page.figure(
-                &format!("{name} of the tool <code>{tool_name}</code>{parts} against {against}."),
-                &chart.svg(naming),
-            );
+            page.figure(&format!("{name} of {owner} against {against}."), &chart.svg(naming));
         }
     }
 }
@@ -147,6 +143,7 @@ fn largest_motion<'a>(run: &Run, columns: &'a [Quantified], quantity: Quantity) 
     let is_motion = |column: &&Quantified| {
         column.quantity == quantity
             && !column.column.ends_with("_overlap")
+            && !column.column.ends_with("_slip")
             && largest(run, &column.column) > 0.0
     };
     let size = |column: &Quantified| largest(run, &column.column);

@@ -7,6 +7,8 @@ pub use mpm_files::units::Units;
 pub(super) enum Quantity {
     /// A length.
     Length,
+    /// An area; per unit thickness in plane strain.
+    Area,
     /// A force; per unit thickness in plane strain.
     Force,
     /// A stress.
@@ -68,6 +70,8 @@ impl Naming {
             (_, Quantity::Number) => String::new(),
             (_, Quantity::Angle) => "°".to_owned(),
             (None, Quantity::Length) => "length".to_owned(),
+            (None, Quantity::Area) if self.per_thickness => "length".to_owned(),
+            (None, Quantity::Area) => "length²".to_owned(),
             (None, Quantity::Force) => per_thickness("force".to_owned(), "length"),
             (None, Quantity::Stress) => "stress".to_owned(),
             (None, Quantity::Energy) => per_thickness("energy".to_owned(), "length"),
@@ -76,6 +80,8 @@ impl Naming {
             (None, Quantity::Moment) => per_thickness("force·length".to_owned(), "length"),
             (None, Quantity::Time) => "time".to_owned(),
             (Some(units), Quantity::Length) => units.length().to_owned(),
+            (Some(units), Quantity::Area) if self.per_thickness => units.length().to_owned(),
+            (Some(units), Quantity::Area) => format!("{}²", units.length()),
             (Some(units), Quantity::Force) => per_thickness(units.force().to_owned(), units.length()),
             (Some(units), Quantity::Stress) => units.stress(),
             (Some(units), Quantity::Energy) => per_thickness(units.energy(), units.length()),
