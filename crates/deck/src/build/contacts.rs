@@ -126,6 +126,7 @@ where
         let pairs: Vec<[usize; 2]> = in_contact.map(|contact| contact.bodies).collect();
         let Glued { bodies, together } = match BodyGroups::new(model.bodies.len(), &pairs, joined) {
             Ok(groups) => {
+                self.numbered(model, &groups, pointer);
                 self.passing(model, &groups, &pairs, pointer);
                 return groups;
             }
@@ -141,6 +142,19 @@ where
         let help = "name the other pairs, too, or write `between: all`".to_owned();
         self.error("D076", pointer, message, help);
         BodyGroups::default()
+    }
+
+    /// Refuses more copies of nodes than numbers of 32 bits can tell apart.
+    fn numbered(&mut self, model: &Model<D>, groups: &BodyGroups, pointer: &str) {
+        let count = 1 + groups.of_body.iter().copied().max().map_or(0, u64::from);
+        let nodes = model.grid.n_nodes() as u64;
+        if count * nodes > u64::from(u32::MAX) {
+            let message = format!(
+                "{count} groups of bodies with unknowns of their own on a grid of {nodes} nodes are more than can be numbered"
+            );
+            let help = "use a smaller or coarser grid, or leave bodies without contact where they may stick together";
+            self.error("D076", pointer, message, help.to_owned());
+        }
     }
 
     /// Warns of bodies that neither stick together nor are in contact: where they meet, they pass through each other.
