@@ -90,7 +90,9 @@ impl Example {
     fn text(&self) -> String {
         let text = with_commands(&self.deck.replacen("$schema=../schema/", "$schema=", 1));
         match self.name {
-            SAND => text.replace(" column.yaml", " sand_column.yaml").replace("results/column", "results/sand_column"),
+            SAND => text
+                .replace(" column.yaml", " sand_column.yaml")
+                .replace("results/column", "results/sand_column"),
             _ => text,
         }
     }

@@ -91,7 +91,8 @@ impl Check<'_> {
         }
         for (number, tool) in deck.tools.iter().enumerate().filter(|(_, tool)| !tool.free.is_empty()) {
             let message = format!("the tool {} moves freely, but a tool has no mass", quote(&tool.name));
-            let help = "prescribe its motion, or model it as a stiff body that has a density, with `contacts`";
+            let help =
+                "prescribe its motion, or model it as a stiff body that has a density, with `contacts`";
             self.error("D080", &format!("/tools/{number}/free"), message, help);
         }
     }
