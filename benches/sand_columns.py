@@ -1,8 +1,8 @@
 """Collapse of columns of sand against the experiments of Lube et al. (2005) and Lajeunesse et al. (2005), in the plane.
 
-    python benches/sand_columns.py PROGRAM [a ...]
+    python benches/sand_columns.py PROGRAM [a ...] [cells=8,16,32] [phi=31]
 
-runs inputs/column.yaml for each aspect ratio and three grids, and prints the run-out and the final height over the width
+runs inputs/column.yaml for each aspect ratio and grid, given by the number of cells in the width, and prints the run-out and the final height over the width
 r of the column with the published values. The front is where one per cent of the sand lies beyond.
 """
 
@@ -24,13 +24,16 @@ def published(a):
 
 def main():
     program = sys.argv[1]
-    for a in [float(word) for word in sys.argv[2:]] or [0.5, 1.0, 3.0, 5.0]:
+    grids = [word[6:] for word in sys.argv[2:] if word.startswith("cells=")] or ["4,8,16"]
+    phi = [word[4:] for word in sys.argv[2:] if word.startswith("phi=")] or ["31"]
+    ratios = [float(word) for word in sys.argv[2:] if "=" not in word]
+    for a in ratios or [0.5, 1.0, 3.0, 5.0]:
         lube, lajeunesse = published(a)
         print(f"a {a:g}: Lube {lube[0]:.2f}, {lube[1]:.2f}; Lajeunesse {lajeunesse[0]:.2f}, {lajeunesse[1]:.2f}")
-        for cells in (4, 8, 16):
+        for cells in map(int, grids[0].split(",")):
             out = Path(tempfile.mkdtemp(prefix="column-"))
             end = 0.1 * math.ceil(10 * (0.5 + 0.35 * math.sqrt(a)))
-            values = {"a": a, "h": 0.1 / cells, "end": end, "size": 0.016 / cells, "room": 2 + 3 * a ** (2 / 3)}
+            values = {"a": a, "phi": phi[0], "h": 0.1 / cells, "end": end, "size": 0.016 / cells, "room": math.ceil(2 + 3 * a ** (2 / 3))}
             sets = [word for key, value in values.items() for word in ("--set", f"{key}={value}")]
             done = subprocess.run(
                 [program, "run", str(DECK), *sets, "--out", str(out / "out")], capture_output=True, text=True
@@ -46,7 +49,8 @@ def main():
                 f"  r/h {cells:2}: {summary['outcome']}, run-out {motion['runout'] / 0.1:.2f}, height {motion['height'] / 0.1:.2f}, "
                 f"kinetic {energies['kinetic'] / size:.1e}, defect {energies['defect'] / size:+.3f}, ghost {energies['ghost'] / size:.3f}, "
                 f"{summary['points']} points, {summary['steps']} steps, {summary['cpu_seconds']['total']:.0f} s"
-                + (f" ({summary['reason']} at {summary['steps']})" if summary["reason"] else "")
+                + (f" ({summary['reason']} at {summary['steps']})" if summary["reason"] else ""),
+                flush=True,
             )
 
 

@@ -1,4 +1,4 @@
-//! `mpm`: an implicit, quasi-static, finite-deformation material point method.
+//! `mpm`: an implicit, finite-deformation material point method, in equilibrium and in motion with inertia.
 //!
 //! This crate is the program; it re-exports the libraries it is built from:
 //!

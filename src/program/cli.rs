@@ -9,7 +9,7 @@ use crate::program::commands::arguments::DeckArgs;
 use crate::program::commands::{converge, element, new, picture, report, run, status, sweep};
 use crate::program::machines::features;
 
-/// Implicit, quasi-static, finite-deformation material point method.
+/// Implicit, finite-deformation material point method, in equilibrium and in motion with inertia.
 #[derive(Parser)]
 #[command(version, long_version = long_version(), about, max_term_width = 100, after_help = FIRST_RUN)]
 pub struct Cli {

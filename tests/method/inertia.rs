@@ -98,9 +98,11 @@ fn energy_and_momentum_are_kept_across_cells() {
 }
 
 #[test]
-#[ignore = "after cuts the balance is not kept to 1e-12; the cause is not known"]
 fn cuts_keep_the_balance() {
     let (mut model, mut points) = block(Method::Cpdi1, Dynamics::default(), 10);
+    // The balance of a step is kept to the out-of-balance force times the displacement: in these long steps, which end
+    // as soon as they meet the tolerance, that is up to the tolerance times the kinetic energy.
+    model.newton.tolerance = 1e-13;
     // Steps of an eighth of a cell at most are cut from those asked for.
     model.stepping.dynamics = Some(Dynamics { largest_error: 0.02, ..Dynamics::default() });
     let flight = fly(&model, &mut points);

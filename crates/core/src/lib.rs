@@ -1,4 +1,4 @@
-//! An implicit material point method for quasi-static solid mechanics at finite deformation.
+//! An implicit material point method for solids at finite deformation, in equilibrium and in motion with inertia.
 //!
 //! Bodies are sets of material points, which carry mass, deformation, stress and history. Each load step solves
 //! equilibrium on a background grid with Newton's method, moves the points with the grid, and discards the deformed

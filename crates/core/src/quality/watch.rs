@@ -96,7 +96,9 @@ impl Quality {
         let mut found = Vec::new();
         found.extend(balance.regridding_warning(step).map(|warning| (0, warning)));
         found.extend(balance.energy_warning(step).map(|warning| (0, warning)));
-        found.extend(balance.defect_warning(step).map(|warning| (0, warning)));
+        if balance.moving >= FIRST_BALANCE {
+            found.extend(balance.defect_warning(step).map(|warning| (0, warning)));
+        }
         found.extend(self.crossings(model, balance, step));
         if found.is_empty() || balance.gross_work <= work_of_round_off(model, points) {
             return Vec::new();
@@ -350,6 +352,8 @@ fn locking(found: &InFlow, limit: f64, step: usize) -> Warning {
 pub struct BalanceSoFar {
     /// Number of converged steps.
     pub steps: usize,
+    /// Number of these steps in which bodies move with inertia.
+    pub moving: usize,
     /// Work of loads and reactions, [energy].
     pub external_work: f64,
     /// Work of the forces that are out of balance on fresh grids, [energy].

@@ -25,6 +25,9 @@ pub struct Summary {
     pub rounding_limited: usize,
     /// Number of steps whose equilibrium was found only by damped iterations.
     pub damped: usize,
+    /// Number of steps with inertia.
+    #[serde(default)]
+    pub moving: usize,
     /// Number of steps with viscosity.
     #[serde(default)]
     pub viscous: usize,
@@ -124,6 +127,7 @@ impl Summary {
     pub fn balance(&self) -> BalanceSoFar {
         BalanceSoFar {
             steps: self.steps,
+            moving: self.moving,
             external_work: self.external_work,
             regridding_work: self.regridding_work,
             gross_work: self.gross_work,
@@ -194,6 +198,7 @@ impl Summary {
         self.steps += 1;
         self.rounding_limited += usize::from(report.rounding_limited);
         self.damped += usize::from(report.damped);
+        self.moving += usize::from(report.energy.further.iter().any(|energy| energy.name == Ledger::KINETIC));
         self.viscous += usize::from(report.viscosity > 0.0);
         self.replaced_domains += report.replaced_domains.len();
         self.stabilised_faces = self.stabilised_faces.max(report.stabilised_faces);

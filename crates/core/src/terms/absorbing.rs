@@ -15,13 +15,25 @@ use crate::step::{At, StepContext};
 
 use super::failure::{BeginError, EvaluateError};
 use super::ledger::{Ledger, NamedEnergy};
+use super::report::TermReport;
 use super::term::{Character, Term};
 
 /// The dashpots of all absorbing boundaries.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct Absorbing<const D: usize> {
     dashpots: Vec<Dashpot<D>>,
     duration: f64,
+    /// Force of the dashpots of this rank on the bodies in the last evaluation, [force].
+    resultant: [f64; D],
+}
+
+/// Name under which the force of the dashpots is reported.
+const ABSORBING: &str = "absorbing";
+
+impl<const D: usize> Default for Absorbing<D> {
+    fn default() -> Self {
+        Absorbing { dashpots: Vec::new(), duration: 0.0, resultant: [0.0; D] }
+    }
 }
 
 /// The dashpot of a share of a side on a node.
@@ -153,12 +165,14 @@ impl<const D: usize, const N: usize> Term<D, N> for Absorbing<D> {
         wanted: Wanted,
         sum: &mut System<N>,
     ) -> Result<(), EvaluateError> {
+        self.resultant = [0.0; D];
         for dashpot in &self.dashpots {
             let u = &at.delta_d[dashpot.node];
             let mut relative = [0.0; D];
             (0..D).for_each(|d| relative[d] = 2.0 * dashpot.incoming[d] - u[d] / self.duration);
             let force = dashpot.times(&relative);
             sum.add_holding(dashpot.node, &force);
+            (0..D).for_each(|d| self.resultant[d] += force[d]);
             if wanted == Wanted::Stiffness
                 && let Some(place) = sum.place(dashpot.node, dashpot.node)
             {
@@ -167,6 +181,12 @@ impl<const D: usize, const N: usize> Term<D, N> for Absorbing<D> {
             }
         }
         Ok(())
+    }
+
+    fn report(&self, _: &Model<D>, report: &mut TermReport<D>) {
+        if !self.dashpots.is_empty() {
+            report.add_force(ABSORBING, self.resultant);
+        }
     }
 
     /// What the dashpots swallow; the external work contains the work of their forces, less that of the incoming waves.

@@ -29,6 +29,7 @@ impl Check<'_> {
         for (number, stage) in deck.stages.iter().enumerate() {
             self.absorbing(number, stage);
         }
+        self.free_tools();
         for (number, (pointer, steps)) in deck.courses().into_iter().enumerate() {
             let dynamic = deck.dynamic(number);
             match (steps.count, steps.size) {
@@ -79,6 +80,20 @@ impl Check<'_> {
                 );
             }
             self.masses(&at);
+        }
+    }
+
+    /// Checks that tools do not move freely where inertia counts: they have no mass of their own.
+    fn free_tools(&mut self) {
+        let deck = self.deck;
+        if !deck.has_inertia() {
+            return;
+        }
+        for (number, tool) in deck.tools.iter().enumerate().filter(|(_, tool)| !tool.free.is_empty()) {
+            let message = format!("the tool {} moves freely, but a tool has no mass", quote(&tool.name));
+            let help =
+                "prescribe its motion, or model it as a stiff body that has a density, with `contacts`";
+            self.error("D080", &format!("/tools/{number}/free"), message, help);
         }
     }
 
