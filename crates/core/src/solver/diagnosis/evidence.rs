@@ -157,7 +157,8 @@ pub(super) fn hourglass<const D: usize>(model: &Model<D>, points: &Points<D>, it
     let (mut unseen, mut seen) = (0.0, 0.0);
     let in_group = |group| links.points_of(group).map(move |p| (group, points.cell[p], p));
     let all: Vec<_> = (0..links.n_groups()).flat_map(in_group).collect();
-    for in_cell in all.chunk_by(|a, b| a.1 == b.1) {
+    // Bodies of different groups have groups of points of their own in a cell.
+    for in_cell in all.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
         let (group, cell, first) = in_cell[0];
         let (nodes, n) = (links.nodes_of(group), in_cell.len() as f64);
         if held.filling(model, links, links.bodies_with(points.body[first]), cell) < FULL {
