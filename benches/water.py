@@ -265,6 +265,22 @@ stages:
               f"{np.abs(stress / -q - 1).max():.1e}")
 
 
+def slope():
+    """A slope under water comes to rest as one whose density is less by that of the displaced water does in air."""
+    print("slope under water and in air with buoyant density: largest differences, relative to the largest value")
+    deck = (Path(__file__).parents[1] / "inputs" / "submerged_slope.yaml").read_text()
+    first, last = deck.index("  - {name: drawdown"), deck.index("output:")
+    output = deck[last:].replace("  every: 5 ", "  precision: double\n  every: 5 ")
+    deck = deck[:first] + "\nsolver: {tolerance: 1e-12}\n" + output
+    wet = deck.replace("  fall: 5 ", "  fall: 0 ").replace("level: 10}", "level: 12}")
+    dry = deck.replace("water: {unit_weight: 10e3, level: 10}", "")
+    dry = dry.replace("density: 2000\n    porosity: 0.001", "density: 1001")
+    wet, dry = run("wet", wet)[2], run("dry", dry)[2]
+    for field in ("displacement", "cauchy_stress"):
+        found, expected = wet.point_data[field], dry.point_data[field]
+        print(f"  {field} {np.abs(found - expected).max() / np.abs(expected).max():.1e}")
+
+
 CLAY = """
 version: 1
 grid: {type: structured, origin: [0, 0], size: [2, 2], spacing: 1}
@@ -325,7 +341,7 @@ def main():
     global PROGRAM
     PROGRAM = sys.argv[1]
     cases = {"k0": k0, "lift": lift, "drawdown": drawdown, "undrained": undrained,
-             "release": release, "skempton": skempton, "triaxial": triaxial}
+             "release": release, "skempton": skempton, "triaxial": triaxial, "slope": slope}
     for name in sys.argv[2:] or cases:
         cases[name]()
 
