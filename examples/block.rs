@@ -136,6 +136,7 @@ fn block(spacing: f64, law: Box<dyn Material>, method: Method) -> (Model<3>, Poi
         tools: Vec::new(),
         contacts: Vec::new(),
         body_groups: Default::default(),
+        water: None,
         initial_imbalance: None,
         stages: Vec::new(),
         moving_grid: None,

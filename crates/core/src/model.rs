@@ -31,6 +31,7 @@ mod stage;
 mod stepping;
 mod tool;
 mod tool_part;
+mod water;
 
 pub use absorbed::Absorbed;
 pub use arrays::HistoryVariable;
@@ -51,6 +52,7 @@ pub use stage::{Course, Factors, Present, Stage};
 pub use stepping::{AfterSlide, Control, Controlled, SAME_TIME, Stepping};
 pub use tool::{ContactControl, Freedom, Interface, Shear, Tool, ToolLoad};
 pub use tool_part::ToolPart;
+pub use water::{PORE_PRESSURE, Water, WaterLevel, WetPart};
 
 /// A named material.
 #[derive(Debug)]
@@ -121,6 +123,8 @@ pub struct Model<const D: usize> {
     pub contacts: Vec<BodyContact>,
     /// The groups of bodies that share the unknowns of their nodes.
     pub body_groups: BodyGroups,
+    /// Water at rest in the ground and above it; `None` without a water level.
+    pub water: Option<Water>,
     /// Treatment of an initial state that is out of balance, if bodies are stressed at time 0; loads then act at time 0
     /// with the factors of their curves. `None` if no body is stressed at time 0; no load then acts at time 0, whatever
     /// its curve.
@@ -158,6 +162,7 @@ impl<const D: usize> Model<D> {
             tools: Vec::new(),
             contacts: Vec::new(),
             body_groups: BodyGroups::default(),
+            water: None,
             initial_imbalance: None,
             stepping: Stepping::fixed(1, 1.0),
             newton: Newton::default(),

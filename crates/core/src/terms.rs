@@ -1,8 +1,8 @@
 //! The terms of equilibrium. Each adds forces and stiffness to the grid; Newton's method uses only their sum.
 //!
-//! Seven terms are built in: the material points, their inertia, absorbing boundaries, the ghost stabilisation, the external forces on material
-//! points, the surfaces with their loads and weak conditions, and the contact with rigid tools. A new term implements [`Term`], in
-//! a file here or in another crate.
+//! Eight terms are built in: the material points, their inertia, absorbing boundaries, the ghost stabilisation, the
+//! external forces on material points, water at rest, the surfaces with their loads and weak conditions, and the contact
+//! with rigid tools. A new term implements [`Term`], in a file here or in another crate.
 
 mod absorbing;
 mod attached;
@@ -24,6 +24,7 @@ mod saved;
 mod sum;
 pub mod surface;
 mod term;
+pub(crate) mod water;
 
 pub use absorbing::Absorbing;
 pub use attached::{Attached, Obstacle};
@@ -45,3 +46,4 @@ pub use saved::Saved;
 pub use sum::{Sum, Terms, continue_from, model_terms, motions, restore, save};
 pub use surface::Surfaces;
 pub use term::{Character, Coupled, Term};
+pub use water::{WATER, Water};

@@ -32,6 +32,7 @@ mod tools;
 mod tools_at_start;
 mod typical;
 mod velocities;
+mod water;
 
 use std::collections::HashMap;
 
@@ -268,6 +269,7 @@ where
             tools,
             contacts: self.contacts(),
             body_groups: BodyGroups::default(),
+            water: self.water(&regions),
             initial_imbalance: is_stressed(deck).then_some(deck.analysis.initial_imbalance),
             stepping,
             newton: deck.solver.newton(deck.has_contact()),
@@ -275,6 +277,11 @@ where
             stages: Vec::new(),
             present: Present::default(),
         };
+        if (model.water.is_some() || model.has_pore_water())
+            && let Err(error) = model.declare_pore_pressure(&mut points)
+        {
+            self.error("D091", "/water", error.to_string(), "rename the field of the law".to_owned());
+        }
         self.initial_stresses(&model, &mut points, &regions);
         if model.takes_means() {
             points.prepare_deviations();

@@ -24,6 +24,7 @@ mod suspicions;
 mod tool_parts;
 mod tools;
 mod units;
+mod water;
 mod without_effect;
 
 pub(super) use suspicions::{formulas_of_bodies, formulas_of_loading, names_in};
@@ -54,6 +55,7 @@ pub fn validate(deck: &Deck, source: &Source) -> Vec<Diagnostic> {
     check.stages();
     check.control();
     check.dynamics();
+    check.water();
     assign(Gate::Meaning, &mut check.found);
     check.found
 }

@@ -183,6 +183,14 @@ pub const CODES: &[(&str, &str)] = &[
     ("D081", "a velocity of a body that does not move"),
     ("D082", "a motion that cannot be read"),
     ("D090", "units that make no set"),
+    ("D091", "water that is not stated as a whole"),
+    ("D092", "water in a body without porosity"),
+    ("D093", "pore water of unknown stiffness"),
+    ("D094", "flow through pores, which is not available"),
+    ("D095", "pores that contradict each other"),
+    ("D096", "a body that water lifts and no gravity pulls down"),
+    ("D097", "water at a level in motion with inertia"),
+    ("D098", "water that changes where load factors are unknown"),
 ];
 
 impl Diagnostic {

@@ -43,6 +43,7 @@ pub use mpm_core::model::Stabilisation;
 pub use mpm_core::model::{Predictor, StiffnessUpdate};
 pub use mpm_core::points::PointVolume;
 pub use mpm_core::stress::{CellStrain, Formulation};
+use mpm_core::terms::WATER;
 use mpm_files::fields::PointField;
 use mpm_files::results::Request;
 use mpm_files::vtu::Precision;
@@ -57,6 +58,7 @@ pub use tools::{
     ContactDeck, FreeDeck, FrictionDeck, RotationDeck, ToolDeck, ToolLoadDeck, ToolPartDeck, ToolShape, Turn,
 };
 pub use units::UnitsDeck;
+pub use water::{Drainage, LevelDeck, StageWaterDeck, WaterDeck};
 
 mod account;
 pub mod advice;
@@ -87,6 +89,7 @@ mod steps;
 mod surfaces;
 mod tools;
 mod units;
+mod water;
 
 /// A vector as the schema describes it: two entries in the plane, three in space.
 #[derive(JsonSchema)]
@@ -151,6 +154,10 @@ pub struct Deck {
     /// Bodies, each filled with material points.
     #[schemars(length(min = 1, max = 60_000))]
     pub bodies: Vec<BodyDeck>,
+    /// Water at rest in the ground and above it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("examples" = [{"unit_weight": 9.81e3, "level": 4}]))]
+    pub water: Option<WaterDeck>,
     /// Surfaces of bodies.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(length(max = 60_000))]
@@ -282,12 +289,16 @@ impl Deck {
     /// The results that the deck requests.
     pub fn request(&self) -> Request {
         let OutputDeck { every, fields, precision, .. } = &self.output;
+        let mut fields = fields.clone();
+        if self.has_pore_pressure() && fields == PointField::by_default() {
+            fields.push(PointField::TotalStress);
+        }
         Request {
             every: *every as usize,
-            fields: fields.clone(),
+            fields,
             precision: *precision,
             checkpoints: self.checkpoint.map(|checkpoint| checkpoint.every.max(1) as usize),
-            forces: Vec::new(),
+            forces: if self.has_level() { vec![WATER.to_owned()] } else { Vec::new() },
             nodal: Vec::new(),
             conditions: Vec::new(),
             energies: Vec::new(),

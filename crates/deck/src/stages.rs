@@ -6,7 +6,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::steps::is_default;
-use super::{AbsorbDeck, BodyContactDeck, ControlDeck, Deck, DynamicDeck, SolverDeck, StepsDeck};
+use super::{
+    AbsorbDeck, BodyContactDeck, ControlDeck, Deck, DynamicDeck, SolverDeck, StageWaterDeck, StepsDeck,
+};
 
 /// A stage of an analysis. It begins in the state in which the previous stage ends, and states only what changes.
 /// Forces that removed bodies, released boundary conditions and replaced materials carried are released over the stage,
@@ -76,6 +78,10 @@ pub struct StageDeck {
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     #[schemars(extend("examples" = [{"ground": "clay_undrained"}]))]
     pub material: BTreeMap<String, String>,
+    /// Level that the water reaches at the end of the stage.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("examples" = [{"level": 2}]))]
+    pub water: Option<StageWaterDeck>,
     /// Control of the Newton iterations of this stage, in place of the `solver` of the deck.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub solver: Option<SolverDeck>,

@@ -35,7 +35,7 @@ pub enum PointField {
     /// Ratio of current to original volume, J = det F.
     #[serde(rename = "J")]
     VolumeRatio,
-    /// Cauchy stress, the force per current area, [stress].
+    /// Cauchy stress, the force per current area, [stress]; with water, the effective stress.
     CauchyStress,
     /// Logarithmic elastic strain.
     ElasticStrain,
@@ -56,11 +56,14 @@ pub enum PointField {
     PrincipalStress,
     /// Half the difference of the largest and the smallest principal stress, [stress]; written only if requested.
     MaximumShearStress,
+    /// Total stress, the Cauchy stress less the pore pressure, [stress]. The Cauchy stress is the effective stress; without
+    /// water, both are the same. Written by default if the deck has water.
+    TotalStress,
 }
 
 impl PointField {
     /// All fields, in the order of the files.
-    pub const ALL: [PointField; 13] = [
+    pub const ALL: [PointField; 14] = [
         PointField::Displacement,
         PointField::DeformationGradient,
         PointField::VolumeRatio,
@@ -74,12 +77,17 @@ impl PointField {
         PointField::PressureSmoothed,
         PointField::PrincipalStress,
         PointField::MaximumShearStress,
+        PointField::TotalStress,
     ];
 
     /// The fields written if none are requested: the state of the points, without what follows from it.
     pub fn by_default() -> Vec<PointField> {
-        let derived =
-            [PointField::PressureSmoothed, PointField::PrincipalStress, PointField::MaximumShearStress];
+        let derived = [
+            PointField::PressureSmoothed,
+            PointField::PrincipalStress,
+            PointField::MaximumShearStress,
+            PointField::TotalStress,
+        ];
         Self::ALL.into_iter().filter(|field| !derived.contains(field)).collect()
     }
 
@@ -99,6 +107,7 @@ impl PointField {
             PointField::PressureSmoothed => "pressure_smoothed",
             PointField::PrincipalStress => "principal_stress",
             PointField::MaximumShearStress => "maximum_shear_stress",
+            PointField::TotalStress => "total_stress",
         }
     }
 
@@ -107,9 +116,10 @@ impl PointField {
             PointField::Displacement => &VECTOR,
             PointField::PrincipalStress => &PRINCIPAL,
             PointField::DeformationGradient => &TENSOR,
-            PointField::CauchyStress | PointField::ElasticStrain | PointField::PlasticStrain => {
-                &SYMMETRIC_TENSOR
-            }
+            PointField::CauchyStress
+            | PointField::TotalStress
+            | PointField::ElasticStrain
+            | PointField::PlasticStrain => &SYMMETRIC_TENSOR,
             PointField::VolumeRatio
             | PointField::VonMisesStress
             | PointField::Pressure
@@ -142,6 +152,12 @@ impl PointField {
             }
             PointField::VolumeRatio => fill(out, volumes.iter().map(|[ratio, _]| [*ratio])),
             PointField::CauchyStress => fill(out, stresses.map(|sigma| sigma.components())),
+            PointField::TotalStress => {
+                let total = |(sigma, &p): (Sym3, &usize)| {
+                    (sigma - Sym3::IDENTITY * model.pore_pressure(points, p)).components()
+                };
+                fill(out, stresses.zip(order).map(total));
+            }
             PointField::ElasticStrain => {
                 let logarithmic =
                     |p: usize| model.law(points, p).strain_measure().logarithmic(&state.elastic_strain[p]);

@@ -9,3 +9,4 @@ mod kernel;
 mod oracle;
 mod states;
 mod tangent;
+mod water;

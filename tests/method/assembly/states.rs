@@ -251,6 +251,7 @@ pub fn state_on<const D: usize, M: Mechanics<D>>(
         tools: Vec::new(),
         contacts: Vec::new(),
         body_groups: Default::default(),
+        water: None,
         initial_imbalance: None,
         stages: Vec::new(),
         moving_grid: None,

@@ -125,6 +125,7 @@ pub fn model(
         tools: Vec::new(),
         contacts: Vec::new(),
         body_groups: Default::default(),
+        water: None,
         initial_imbalance: None,
         stages: Vec::new(),
         moving_grid: None,

@@ -110,6 +110,7 @@ fn slab(plane: Model<2>, thickness: f64) -> Model<3> {
         tools: Vec::new(),
         contacts: Vec::new(),
         body_groups: Default::default(),
+        water: None,
         initial_imbalance: None,
         stages: Vec::new(),
         moving_grid: None,

@@ -1,6 +1,6 @@
 //! The state of a point with an initial stress.
 
-use super::{Material, MaterialError};
+use super::{Material, MaterialError, effective};
 use crate::tensor::Sym3;
 
 /// Largest number of returns to the initial yield surface; with hardening, the size of each return is a fixed fraction
@@ -12,7 +12,7 @@ const RETURNED: f64 = 1e-13;
 /// The state of a point with an initial stress.
 #[derive(Debug, Clone, PartialEq)]
 pub struct InitialState {
-    /// Kirchhoff stress τ, on the yield surface or inside it, [stress].
+    /// Effective Kirchhoff stress τ, on the yield surface or inside it, [stress].
     pub tau: Sym3,
     /// Elastic strain, in the measure of the law, [-].
     pub elastic_strain: Sym3,
@@ -20,7 +20,7 @@ pub struct InitialState {
     pub history: Vec<f64>,
 }
 
-/// The state of a point whose Kirchhoff stress is `tau`, [stress]: b^e from the inverse of the elastic law, and
+/// The state of a point whose effective Kirchhoff stress is `tau`, [stress], without excess pore pressure: b^e from the inverse of the elastic law, and
 /// `history` adapted to it. A stress outside the yield surface is replaced by the stress to which the law returns it,
 /// without plastic strain.
 ///
@@ -43,7 +43,8 @@ pub fn initial_state(
         strain = response.elastic_strain;
         if change <= RETURNED * strain.norm() {
             law.start_from(&strain, volume_ratio, &mut history);
-            return Ok(InitialState { tau: response.tau, elastic_strain: strain, history });
+            let tau = effective(law, response.tau, &flowed);
+            return Ok(InitialState { tau, elastic_strain: strain, history });
         }
     }
     Err(MaterialError::NoStrain)

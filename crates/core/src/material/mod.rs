@@ -22,6 +22,7 @@ mod strength;
 #[cfg(test)]
 pub(crate) mod tests;
 mod tresca;
+mod undrained;
 mod varying;
 mod viscous;
 mod von_mises;
@@ -45,6 +46,7 @@ pub use principal::{PrincipalLaw, PrincipalResponse, update_in_principal_axes};
 pub use softening::Softening;
 pub use strength::StrengthMeasure;
 pub use tresca::Tresca;
+pub use undrained::{EXCESS_PORE_PRESSURE, Undrained};
 pub use varying::{PropertiesAt, Varying, VaryingProperty};
 pub use viscous::Viscous;
 pub use von_mises::VonMises;
@@ -237,9 +239,9 @@ pub trait Material: Send + Sync + std::fmt::Debug {
     /// its volume ratio J.
     fn start_from(&self, _elastic_strain: &Sym3, _volume_ratio: f64, _history: &mut [f64]) {}
 
-    /// Adapts the history variables of a point to a `change` of its elastic strain, in the measure of the law, at
-    /// constant deformation: the parameters of the law have changed, and the stress stays the same.
-    fn keep_deformation(&self, _change: &Sym3, _history: &mut [f64]) {}
+    /// Adapts the history variables of a point to a change of its elastic strain, given before and now in the measure of
+    /// the law, at constant deformation: the parameters of the law have changed, and the stress stays the same.
+    fn keep_deformation(&self, _strains: [&Sym3; 2], _history: &mut [f64]) {}
 
     /// Elastic strain, in the measure of the law, whose Kirchhoff stress is `tau`: the inverse of the elastic law.
     /// Yielding is disregarded: a stress outside the yield surface also has such a strain.
@@ -249,6 +251,18 @@ pub trait Material: Send + Sync + std::fmt::Debug {
     /// stress.
     fn elastic_strain(&self, _tau: &Sym3, _history: &[f64]) -> Result<Sym3, MaterialError> {
         Err(MaterialError::NoInverse)
+    }
+
+    /// J times the excess pressure of pore water that cannot leave, which is part of the stress of the law, [stress]: the
+    /// effective Kirchhoff stress is the stress of the law plus this number times I. Points store the effective stress,
+    /// which [`Material::elastic_strain`] inverts.
+    fn pore_stress(&self, _history: &[f64]) -> f64 {
+        0.0
+    }
+
+    /// Excess pressure of pore water that cannot leave, [stress].
+    fn excess_pore_pressure(&self, _history: &[f64]) -> f64 {
+        0.0
     }
 
     /// The spatial moduli of the law if they are isotropic, which allows a cheaper evaluation in three dimensions.
@@ -311,6 +325,14 @@ pub trait Material: Send + Sync + std::fmt::Debug {
     /// strain.
     fn tangent_is_symmetric(&self) -> bool {
         true
+    }
+}
+
+/// The effective Kirchhoff stress where a law gives the stress `tau`, with these history variables, [stress].
+pub fn effective(law: &dyn Material, tau: Sym3, history: &[f64]) -> Sym3 {
+    match law.pore_stress(history) {
+        0.0 => tau,
+        water => tau + Sym3::IDENTITY * water,
     }
 }
 

@@ -168,8 +168,8 @@ impl Material for ModifiedCamClay {
         history[VOLUMETRIC_STRAIN] = volume_ratio.ln() - volumetric;
     }
 
-    fn keep_deformation(&self, change: &Sym3, history: &mut [f64]) {
-        history[VOLUMETRIC_STRAIN] -= change.trace();
+    fn keep_deformation(&self, [before, now]: [&Sym3; 2], history: &mut [f64]) {
+        history[VOLUMETRIC_STRAIN] -= (*now - *before).trace();
     }
 
     fn elastic_strain(&self, tau: &Sym3, _: &[f64]) -> Result<Sym3, MaterialError> {

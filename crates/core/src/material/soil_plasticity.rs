@@ -51,8 +51,8 @@ impl<L: SoilPlasticity> Material for L {
         history[VOLUMETRIC_STRAIN] = volume_ratio.ln() - elastic_strain.trace();
     }
 
-    fn keep_deformation(&self, change: &Sym3, history: &mut [f64]) {
-        history[VOLUMETRIC_STRAIN] -= change.trace();
+    fn keep_deformation(&self, [before, now]: [&Sym3; 2], history: &mut [f64]) {
+        history[VOLUMETRIC_STRAIN] -= (*now - *before).trace();
     }
 
     fn elastic_strain(&self, tau: &Sym3, _: &[f64]) -> Result<Sym3, MaterialError> {

@@ -155,9 +155,9 @@ impl<L: Material + Clone + 'static> Material for Varying<L> {
         self.with(properties, |law| law.start_from(elastic_strain, volume_ratio, own));
     }
 
-    fn keep_deformation(&self, change: &Sym3, history: &mut [f64]) {
+    fn keep_deformation(&self, strains: [&Sym3; 2], history: &mut [f64]) {
         let (own, properties) = history.split_at_mut(history.len() - self.n_properties);
-        self.with(properties, |law| law.keep_deformation(change, own));
+        self.with(properties, |law| law.keep_deformation(strains, own));
     }
 
     fn elastic_strain(&self, tau: &Sym3, history: &[f64]) -> Result<Sym3, MaterialError> {

@@ -150,8 +150,8 @@ pub struct Filling<'a, const D: usize> {
     pub density: f64,
     /// Initial history variables.
     pub history: Vec<f64>,
-    /// True if the model has tools, with which standard points make contact through a box.
-    pub touches_tools: bool,
+    /// True if standard points need a box: they touch tools with it, and the level of water cuts it.
+    pub needs_boxes: bool,
     /// The ranks, each of which creates a share of the points.
     pub ranks: &'a Ranks,
 }
@@ -220,7 +220,7 @@ impl<const D: usize> Filling<'_, D> {
     /// The point of a box with sides along the axes, given by its lowest and highest corner.
     fn brick(&self, position: [f64; D], [low, high]: [[f64; D]; 2], sides: [f64; D]) -> Seed<D> {
         let mut seed = self.seed(position, sides.iter().product());
-        if self.domain != DomainKind::None || self.touches_tools {
+        if self.domain != DomainKind::None || self.needs_boxes {
             seed.half_lengths = sides.map(|s| 0.5 * s);
         }
         if self.domain == DomainKind::Corners {
@@ -432,7 +432,7 @@ impl<const D: usize> Filling<'_, D> {
         let mut seed = self.seed(part.position, part.volume);
         match self.domain {
             DomainKind::Corners => seed.corners = part.corners,
-            DomainKind::None if self.touches_tools => seed.half_lengths = box_of(&part),
+            DomainKind::None if self.needs_boxes => seed.half_lengths = box_of(&part),
             DomainKind::None | DomainKind::Box => (),
         }
         seed

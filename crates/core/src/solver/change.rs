@@ -107,9 +107,8 @@ fn strain_of_stress<const D: usize>(
 fn set_strain<const D: usize>(model: &Model<D>, points: &mut Points<D>, p: usize, strain: Sym3) {
     let law = model.law(points, p);
     let own = p * points.history_len..p * points.history_len + law.state_fields().len();
-    let change = strain - points.converged.elastic_strain[p];
     let mut history = points.converged.history[own.clone()].to_vec();
-    law.keep_deformation(&change, &mut history);
+    law.keep_deformation([&points.converged.elastic_strain[p], &strain], &mut history);
     for state in [&mut points.converged, &mut points.trial] {
         state.history[own.clone()].copy_from_slice(&history);
         state.elastic_strain[p] = strain;

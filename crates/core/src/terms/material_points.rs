@@ -25,11 +25,12 @@ use rayon::prelude::*;
 use crate::assembly::{NodePairs, System, UNCOUPLED, Wanted};
 use crate::basis::{Connectivity, LinkBuffer};
 use crate::linear::Block;
-use crate::material::{Material, Viscous};
+use crate::material::{Material, Viscous, effective};
 use crate::model::{Model, Scheme};
 use crate::points::{PIECE, Points};
 use crate::step::{At, Experiment, StepContext, displacement};
 use crate::stress::{CellStrain, Mechanics, StartOfStep};
+use crate::tensor::Sym3;
 
 use super::failure::{BeginError, EvaluateError, PointFailure};
 use super::layout::Layout;
@@ -74,6 +75,9 @@ pub struct MaterialPoints<const D: usize, M> {
     reduces_strength: bool,
     /// The mean over a step with inertia; `None` in statics.
     mean: Option<MeanOfStep<D>>,
+    /// The stress at the start of the step, with the excess pressure of pore water, [stress]; empty if no law has such
+    /// water.
+    stress_at_start: Vec<Sym3>,
     mechanics: PhantomData<M>,
 }
 
@@ -92,6 +96,7 @@ impl<const D: usize, M> Default for MaterialPoints<D, M> {
             step_laws: Vec::new(),
             reduces_strength: false,
             mean: None,
+            stress_at_start: Vec::new(),
             mechanics: PhantomData,
         }
     }
@@ -141,12 +146,17 @@ impl<const D: usize, M: Mechanics<D>> MaterialPoints<D, M> {
         sum: &mut System<N>,
     ) -> Result<(), EvaluateError> {
         if self.batched.is_empty() {
-            return Ok(self.pass(step, points, at, Pass { laws: None, adds: true, wanted }, sum)?);
+            self.pass(step, points, at, Pass { laws: None, adds: true, wanted }, sum)?;
+        } else {
+            let mut batched = std::mem::take(&mut self.batched);
+            let outcome = self.evaluate_batched(step, points, at, wanted, sum, &mut batched);
+            self.batched = batched;
+            outcome?;
         }
-        let mut batched = std::mem::take(&mut self.batched);
-        let outcome = self.evaluate_batched(step, points, at, wanted, sum, &mut batched);
-        self.batched = batched;
-        outcome
+        if !self.stress_at_start.is_empty() {
+            keep_effective_stress(step.model, points);
+        }
+        Ok(())
     }
 
     /// Replaces force and stiffness at the end of a step with inertia by those of the mean over the step. As the points
@@ -156,6 +166,24 @@ impl<const D: usize, M: Mechanics<D>> MaterialPoints<D, M> {
             mean.average(weight, at, wanted, sum);
         }
     }
+}
+
+/// J times the excess pore pressure of a point with the history variables `history` of all points, [stress].
+fn pore_stress<const D: usize>(model: &Model<D>, points: &Points<D>, history: &[f64], p: usize) -> f64 {
+    let law = model.law(points, p);
+    law.pore_stress(&history[p * points.history_len..][..law.state_fields().len()])
+}
+
+/// Takes the excess pressure of pore water out of the stress that the laws have returned.
+fn keep_effective_stress<const D: usize>(model: &Model<D>, points: &mut Points<D>) {
+    let mut stress = std::mem::take(&mut points.trial.kirchhoff_stress);
+    let (shared, n) = (&*points, points.history_len);
+    stress.par_iter_mut().with_min_len(PIECE).enumerate().for_each(|(p, tau)| {
+        let law = model.law(shared, p);
+        let history = &shared.trial.history[p * n..][..law.state_fields().len()];
+        *tau = effective(law, *tau, history);
+    });
+    points.trial.kirchhoff_stress = stress;
 }
 
 /// One evaluation of all points.
@@ -189,6 +217,7 @@ impl<const D: usize, M: Mechanics<D>> MaterialPoints<D, M> {
             deviations,
             step_laws,
             mean,
+            stress_at_start,
             ..
         } = self;
         let stored = match mean {
@@ -219,7 +248,11 @@ impl<const D: usize, M: Mechanics<D>> MaterialPoints<D, M> {
                 laws,
                 step_laws,
                 stored,
-                old_stress: &points.converged.kirchhoff_stress,
+                old_stress: if stress_at_start.is_empty() {
+                    &points.converged.kirchhoff_stress
+                } else {
+                    stress_at_start
+                },
                 mechanics: PhantomData,
             };
             let first = links.points_of(batch.start).start;
@@ -309,6 +342,13 @@ impl<const D: usize, const N: usize, M: Mechanics<D>> Term<D, N> for MaterialPoi
             }
         });
         start.collect_into_vec(&mut self.start);
+        self.stress_at_start.clear();
+        if model.has_pore_water() {
+            self.stress_at_start.extend((0..points.len()).map(|p| {
+                let water = pore_stress(model, points, &points.converged.history, p);
+                points.converged.kirchhoff_stress[p] - Sym3::IDENTITY * water
+            }));
+        }
         self.batched = batches(model, points);
         let factor = model.stepping.strength_at(step.step.end);
         self.reduces_strength = factor.is_some();

@@ -23,6 +23,7 @@ use super::report::TermReport;
 use super::saved::Saved;
 use super::surface::Surfaces;
 use super::term::{Coupled, Term};
+use super::water::Water;
 
 /// The terms of a model, in the order in which they are added up.
 pub type Terms<const D: usize, const N: usize = D> = Vec<Box<dyn Term<D, N>>>;
@@ -38,6 +39,9 @@ pub fn model_terms<const D: usize, const N: usize, M: Mechanics<D>>(model: &Mode
         // It averages what the points alone have added.
         terms.insert(1, Box::new(Inertia::default()));
         terms.push(Box::new(Absorbing::default()));
+    }
+    if model.water.is_some() || model.has_pore_water() {
+        terms.push(Box::new(Water::default()));
     }
     if !model.surfaces.is_empty() {
         terms.push(Box::new(Surfaces::new(model)));

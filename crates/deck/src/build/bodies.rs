@@ -105,7 +105,7 @@ where
                 domain: body.method.domain(),
                 density: density.unwrap_or(0.0),
                 history,
-                touches_tools: !self.deck.tools.is_empty(),
+                needs_boxes: !self.deck.tools.is_empty() || self.deck.has_level(),
                 ranks: self.ranks,
             };
             let filled = fill(&regions.bodies[number], &filling, deck).and_then(|filled| {

@@ -47,8 +47,28 @@ enum Stress {
 struct Ground<'a, const D: usize> {
     grid: &'a dyn Grid<D>,
     groups: &'a Groups,
-    /// Region and unit weight, [force/volume], of each body with geostatic stress.
-    layers: Vec<(&'a Region<D>, f64)>,
+    /// The bodies with geostatic stress.
+    layers: Vec<Layer<'a, D>>,
+}
+
+/// A body with geostatic stress, as a part of the ground.
+struct Layer<'a, const D: usize> {
+    region: &'a Region<D>,
+    /// Weight per volume, [force/volume].
+    weight: f64,
+    /// What the water takes from this weight below its level, [force/volume].
+    buoyancy: f64,
+}
+
+/// A position in the ground.
+struct Place<'a, const D: usize> {
+    position: &'a [f64; D],
+    /// Height of the water level above it, [length]; −∞ without water.
+    depth: f64,
+    /// Half the vertical extent of the domain of the point, [length].
+    half: f64,
+    /// What the water takes from the weight of the body, [force/volume].
+    buoyancy: f64,
 }
 
 /// Stresses that the law of a body has returned to the yield surface.
@@ -78,7 +98,16 @@ where
         }
         let deck = self.deck;
         let is_layer = |body: &usize| matches!(stresses[*body], Some(Stress::Geostatic { .. }));
-        let layer = |body: usize| (&regions.bodies[body], unit_weight(deck, &deck.bodies[body]));
+        let buoyancy = |body: usize| {
+            let Some(water) = &model.water else { return 0.0 };
+            let factor = model.water_factor(body, 0.0);
+            factor * water.unit_weight * water.grains(model.bodies[body].material)
+        };
+        let layer = |body: usize| Layer {
+            region: &regions.bodies[body],
+            weight: unit_weight(deck, &deck.bodies[body]),
+            buoyancy: buoyancy(body),
+        };
         let ground_of = |body: usize| {
             let begins =
                 |other: &usize| deck.begins_beside(&deck.bodies[body].name, &deck.bodies[*other].name);
@@ -97,7 +126,16 @@ where
             let body = points.body[p] as usize;
             let Some(stress) = stresses[body].as_ref().filter(|_| !is_faulty[body]) else { continue };
             let x = points.original_position[p];
-            match stress.at(&x, &grounds[body]).and_then(|stress| {
+            let place = Place {
+                position: &x,
+                depth: model
+                    .water
+                    .as_ref()
+                    .map_or(f64::NEG_INFINITY, |water| water.height(x[0], 0.0).0 - x[D - 1]),
+                half: if model.water.is_some() { model.half_height(points, p) } else { 0.0 },
+                buoyancy: buoyancy(body),
+            };
+            match stress.at(&place, &grounds[body]).and_then(|stress| {
                 let taken = model.set_initial_stress(points, p, &stress);
                 let taken = taken.map_err(|error| ("D051", error.to_string()))?;
                 is_held(model, points, p).map_err(|reason| ("D051", reason))?;
@@ -137,18 +175,12 @@ where
     }
 
     /// Checks that a body lies below the surface of its ground, and that the ground reaches up to this surface.
-    fn level_of_surface(
-        &mut self,
-        body: usize,
-        surface: f64,
-        region: &Region<D>,
-        layers: &[(&Region<D>, f64)],
-    ) {
+    fn level_of_surface(&mut self, body: usize, surface: f64, region: &Region<D>, layers: &[Layer<D>]) {
         let [low, high] = region.bounds().map(|corner| corner[D - 1]);
         let slack = AT_SURFACE * (high - low).abs();
         let pointer = format!("/bodies/{body}/initial_stress/surface");
         let top =
-            layers.iter().map(|(region, _)| region.bounds()[1][D - 1]).fold(f64::NEG_INFINITY, f64::max);
+            layers.iter().map(|layer| layer.region.bounds()[1][D - 1]).fold(f64::NEG_INFINITY, f64::max);
         let name = quote(&self.deck.bodies[body].name);
         if high > surface + slack {
             let message =
@@ -211,18 +243,22 @@ impl Stress {
     ///
     /// # Errors
     /// A code and a message if it is not finite.
-    fn at<const D: usize>(&self, x: &[f64; D], ground: &Ground<D>) -> Result<Sym3, (&'static str, String)> {
+    fn at<const D: usize>(
+        &self,
+        place: &Place<D>,
+        ground: &Ground<D>,
+    ) -> Result<Sym3, (&'static str, String)> {
         let mut stress = Mat3::zeros();
         match self {
             Stress::Geostatic { surface, k0, surcharge } => {
-                let vertical = -(surcharge + ground.weight_above(x, *surface));
+                let vertical = -(surcharge + ground.weight_above(place, *surface));
                 for axis in 0..3 {
                     stress[(axis, axis)] = if axis == D - 1 { vertical } else { k0 * vertical };
                 }
             }
             Stress::Components(components) => {
                 for ((row, column), formula) in components {
-                    let value = formula.evaluate(x);
+                    let value = formula.evaluate(place.position);
                     if !value.is_finite() {
                         return Err(("D043", format!("the formula `{}` is {value}", formula.text())));
                     }
@@ -235,20 +271,39 @@ impl Stress {
     }
 }
 
+impl<const D: usize> Place<'_, D> {
+    /// The mean over the domain of what the water takes from the weight above, less its value at the centre, [stress].
+    fn mean_beyond_centre(&self) -> f64 {
+        let Place { depth, half, buoyancy, .. } = *self;
+        if depth.abs() >= half {
+            return 0.0;
+        }
+        buoyancy * ((depth + half).powi(2) / (4.0 * half) - depth.max(0.0))
+    }
+}
+
 impl<const D: usize> Ground<'_, D> {
-    /// Weight per unit area of the ground between a position and the surface above it, [stress].
-    fn weight_above(&self, x: &[f64; D], surface: f64) -> f64 {
+    /// Weight per unit area of the ground between a position and the surface above it, less what water takes from it,
+    /// [stress]. Where the level cuts the domain of a point, this is the mean over the vertical extent of the domain.
+    fn weight_above(&self, place: &Place<D>, surface: f64) -> f64 {
+        let x = place.position;
         let height = surface - x[D - 1];
         let line = Line::along_axis(*x, D - 1);
         let above = Intervals::one(0.0, height);
-        let layer_weight = |(region, weight): &(&Region<D>, f64)| {
-            weight
-                * match region.intervals(&line) {
-                    Some(inside) => inside.intersection(&above).length(),
-                    None => self.length_in_cells(region, &line, height),
-                }
+        let length = |region: &Region<D>, height: f64, above: &Intervals| match region.intervals(&line) {
+            Some(inside) => inside.intersection(above).length(),
+            None => self.length_in_cells(region, &line, height),
         };
-        self.layers.iter().map(layer_weight).sum()
+        let weight: f64 =
+            self.layers.iter().map(|layer| layer.weight * length(layer.region, height, &above)).sum();
+        let wet_height = height.min(place.depth);
+        let lifted = if wet_height > 0.0 {
+            let wet = Intervals::one(0.0, wet_height);
+            self.layers.iter().map(|layer| layer.buoyancy * length(layer.region, wet_height, &wet)).sum()
+        } else {
+            0.0
+        };
+        weight - lifted - place.mean_beyond_centre()
     }
 
     /// Length of the part of a line, from its origin up to a height, that lies in a region containing groups of cells.

@@ -6,7 +6,7 @@ use crate::diagnostic::{Diagnostic, Severity};
 use crate::per_axis::per_axis;
 use crate::quoting::{list, quote};
 use crate::span::escape;
-use crate::{BodyDeck, CellStrain, Deck, GridDeck, PerAxis};
+use crate::{BodyDeck, CellStrain, Deck, Drainage, GridDeck, PerAxis};
 
 /// Smallest dilation angle at which a mean dilatation leaves a considerable part of the locking, [degrees].
 const CONSIDERABLE: f64 = 10.0;
@@ -22,6 +22,18 @@ impl Check<'_> {
             // Nothing is known about the law of a library before the library is loaded.
             let poisson = material.poisson().unwrap_or(0.0);
             let bodies = standard_bodies(deck, name);
+            if material.drainage() == Some(Drainage::Undrained)
+                && bodies.iter().any(|(_, body)| self.key_of_single_points(body).is_none())
+            {
+                let message = format!(
+                    "without drainage the material {} is nearly incompressible, and low-order cells lock: they are too \
+                     stiff, with pore pressures that oscillate from point to point",
+                    quote(name)
+                );
+                let help = "use `strain: mean-dilatation` for the bodies of this material";
+                self.warn("D039", &format!("/materials/{}/drainage", escape(name)), message, help);
+                continue;
+            }
             if poisson >= NEARLY_INCOMPRESSIBLE
                 && bodies.iter().any(|(_, body)| self.key_of_single_points(body).is_none())
             {

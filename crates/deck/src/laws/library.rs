@@ -7,7 +7,6 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::LawDeck;
-use crate::Expression;
 use crate::diagnostic::{Diagnostic, Severity};
 use crate::formulas::Fault;
 use crate::material::{Faults, Reading, StatedLaw};
@@ -15,6 +14,7 @@ use crate::quoting::quote;
 use crate::references::{Noun, existing};
 use crate::source::Source;
 use crate::span::escape;
+use crate::{Drainage, Expression};
 use mpm_core::formula::{FormulaError, closest};
 use mpm_core::input_file;
 use mpm_core::material::Material;
@@ -36,10 +36,19 @@ pub struct LibraryDeck {
     #[serde(default)]
     #[schemars(extend("examples" = [{"young": 12e6, "poisson": 0.3}]))]
     pub parameters: BTreeMap<String, f64>,
-    /// Initial mass density ρ₀, [mass/volume]; needed if gravity or a force per mass acts.
+    /// Initial mass density ρ₀, [mass/volume], without the water of a `level` in the pores; needed if gravity or a
+    /// force per mass acts.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("minimum" = 0.0, "examples" = [2000]))]
     pub density: Option<Expression>,
+    /// Share n₀ of the pores in the initial volume, [-]; needed in bodies that the water of the deck reaches.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = 0.0, "exclusiveMaximum" = 1.0, "examples" = [0.4]))]
+    pub porosity: Option<f64>,
+    /// What the water in the pores does; `drained` by default.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("examples" = ["undrained"]))]
+    pub drainage: Option<Drainage>,
 }
 
 /// Largest component of the strains at which a law is tested, [-].

@@ -4,8 +4,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{LawDeck, unity, zero};
-use crate::Expression;
 use crate::material::{Faults, Inconsistency, Reading, Setting, StatedLaw};
+use crate::{Drainage, Expression};
 use mpm_core::material::{CamClay, ModifiedCamClay};
 
 /// Modified Cam-clay at finite strain: f = q²/M² + P (P − P_c) in terms of the Kirchhoff stress, with ln J linear
@@ -39,10 +39,19 @@ pub struct ModifiedCamClayDeck {
     /// stresses. It also sets the scale of stabilisations, so choose a pressure that is typical of the body.
     #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [100e3]))]
     pub reference_pressure: Expression,
-    /// Initial mass density ρ₀, [mass/volume]; needed if gravity or a force per mass acts.
+    /// Initial mass density ρ₀, [mass/volume], without the water of a `level` in the pores; needed if gravity or a
+    /// force per mass acts.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("minimum" = 0.0, "examples" = [1800]))]
     pub density: Option<Expression>,
+    /// Share n₀ of the pores in the initial volume, [-]; needed in bodies that the water of the deck reaches.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = 0.0, "exclusiveMaximum" = 1.0, "examples" = [0.4]))]
+    pub porosity: Option<f64>,
+    /// What the water in the pores does; `drained` by default.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("examples" = ["undrained"]))]
+    pub drainage: Option<Drainage>,
 }
 
 impl LawDeck for ModifiedCamClayDeck {

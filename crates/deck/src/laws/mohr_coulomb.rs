@@ -4,8 +4,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{LawDeck, cauchy, zero};
-use crate::Expression;
 use crate::material::{Decay, Faults, FrictionSettings, Reading, StatedLaw, too_steep};
+use crate::{Drainage, Expression};
 use mpm_core::material::{MohrCoulomb, StrengthMeasure};
 
 /// Mohr-Coulomb plasticity: f = N τ₁ − τ₃ − 2c√N with N = (1 + sin φ)/(1 − sin φ), flow with the dilation angle ψ
@@ -40,10 +40,24 @@ pub struct MohrCoulombDeck {
     /// Loss of strength with plastic strain; without this key, the strength stays constant.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub softening: Option<FrictionSofteningDeck>,
-    /// Initial mass density ρ₀, [mass/volume]; needed if gravity or a force per mass acts.
+    /// Initial mass density ρ₀, [mass/volume], without the water of a `level` in the pores; needed if gravity or a
+    /// force per mass acts.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("minimum" = 0.0, "examples" = [1800]))]
     pub density: Option<Expression>,
+    /// Share n₀ of the pores in the initial volume, [-]; needed in bodies that the water of the deck reaches.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = 0.0, "exclusiveMaximum" = 1.0, "examples" = [0.4]))]
+    pub porosity: Option<f64>,
+    /// What the water in the pores does; `drained` by default.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("examples" = ["undrained"]))]
+    pub drainage: Option<Drainage>,
+    /// Poisson's ratio ν_u of the whole without drainage, [-], above `poisson`: states the stiffness of the pore water of
+    /// an undrained material in place of the bulk modulus of the water and the porosity.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = -1.0, "exclusiveMaximum" = 0.5, "examples" = [0.495]))]
+    pub undrained_poisson: Option<f64>,
 }
 
 /// Loss of strength: c, tan φ and tan ψ decay from their peak to a residual value with the factor e^(−3κ/κ₉₅), where κ

@@ -9,7 +9,7 @@ use super::reading::Reading;
 use super::stated_law::{StatedLaw, Surroundings};
 use crate::formulas::Fault;
 use crate::schema::{resolve, strict_schema};
-use crate::{Expression, MaterialDeck};
+use crate::{Drainage, Expression, MaterialDeck};
 use mpm_core::material::Material;
 
 impl MaterialDeck {
@@ -66,6 +66,12 @@ impl MaterialDeck {
         };
         let stated = self.stated_law(&Surroundings::default()).map_err(first)?;
         match (stated.consistency)(&[]) {
+            None if self.drainage() == Some(Drainage::Undrained) => match self.pore_stiffness(None) {
+                Some(stiffness) => Ok(stated.undrained(stiffness).law(&[0.0; 3])),
+                None => {
+                    Err("`drainage: undrained` needs `undrained_poisson` in a law without a deck".to_owned())
+                }
+            },
             None => Ok(stated.law(&[0.0; 3])),
             Some(found) => Err(found.message),
         }
@@ -92,7 +98,9 @@ fn collect(prefix: &str, value: &Value, found: &mut Vec<(String, Expression)>) {
             Value::Number(number) => {
                 found.push((path, Expression::Number(number.as_f64().unwrap_or(f64::NAN))))
             }
-            Value::String(text) if !["model", "match", "strength", "file"].contains(&key.as_str()) => {
+            Value::String(text)
+                if !["model", "match", "strength", "file", "drainage"].contains(&key.as_str()) =>
+            {
                 found.push((path, Expression::Formula(text.clone())));
             }
             Value::Object(_) => collect(&path, value, found),

@@ -10,7 +10,7 @@ use crate::diagnostic::Diagnostic;
 use crate::quoting::quote;
 use crate::source::Source;
 use crate::span::escape;
-use mpm_core::material::Material;
+use mpm_core::material::{Material, Undrained};
 
 /// A law whose properties have been read once: it forms the law of a material for whatever typical position becomes
 /// known.
@@ -45,6 +45,14 @@ impl StatedLaw {
     /// no such body.
     pub fn law(&self, typical: &[f64; 3]) -> Box<dyn Material> {
         (self.form)(typical)
+    }
+
+    /// The same law with water of the stiffness K_w/n, [stress], that cannot leave its pores.
+    pub(crate) fn undrained(self, stiffness: f64) -> StatedLaw {
+        let StatedLaw { varying, consistency, form } = self;
+        let form =
+            move |typical: &[f64; 3]| Box::new(Undrained::new(form(typical), stiffness)) as Box<dyn Material>;
+        StatedLaw::new(varying, consistency, form)
     }
 
     /// A contradiction between the properties of this material, if none of them varies.

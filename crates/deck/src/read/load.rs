@@ -65,6 +65,15 @@ impl LoadedDeck {
         material: &str,
         cells: &CellSize,
     ) -> Option<Result<StatedLaw, Vec<Diagnostic>>> {
+        let law = self.effective_law(material, cells)?;
+        match self.deck.materials.get(material)?.pore_stiffness(self.deck.water.as_ref()) {
+            Some(stiffness) => Some(law.map(|law| law.undrained(stiffness))),
+            None => Some(law),
+        }
+    }
+
+    /// As [`LoadedDeck::stated_law`], without the water that cannot leave the pores.
+    fn effective_law(&self, material: &str, cells: &CellSize) -> Option<Result<StatedLaw, Vec<Diagnostic>>> {
         let stated = self.deck.materials.get(material)?;
         if let Some(own) = self.laws.get(material).cloned() {
             return Some(Ok(StatedLaw::constant(move || own.0())));

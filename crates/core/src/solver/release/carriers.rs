@@ -19,6 +19,7 @@ use crate::surface::{
     DomainSide, OuterSides, contains, corner_count, corners_of, deformed_corners, side_basis, sides_of_domain,
 };
 use crate::terms::external_force::forces_on_points;
+use crate::terms::water::forces_on_points as forces_of_water;
 
 /// Distance beyond a side at which a removed domain is looked for, relative to the size of the domain, [-].
 const BEYOND: f64 = 0.1;
@@ -177,8 +178,10 @@ fn weights_of_added<const D: usize>(
     let Ok((loads, _)) = forces_on_points(model, points, |load| load.curve.factor(start)) else {
         return Vec::new();
     };
+    let water = forces_of_water(model, points, start);
+    let force = |p: usize| std::array::from_fn(|d| -loads[p][d] - water.get(p).map_or(0.0, |force| force[d]));
     let added = (0..points.len()).filter(is_added);
-    added.map(|p| point_carrier(points, links, p, loads[p].map(|f| -f))).collect()
+    added.map(|p| point_carrier(points, links, p, force(p))).collect()
 }
 
 /// The sides that the stage has exposed, with the tractions of the stress of their points.
