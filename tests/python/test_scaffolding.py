@@ -94,7 +94,13 @@ def test_an_example_runs_as_it_is_written(here, name):
     # Where domains of GIMP reach beyond the grid, their share is missing.
     lost = summary["quality"]["domain_outside_grid"]
     lost = lost["value"] if lost else 0.0
-    assert summary["forces"]["relative_difference"] < (max(1e-4, 0.01 * lost) if lost > 1e-9 else 1e-9)
+    difference = summary["forces"]["relative_difference"]
+    if name == "impact":
+        assert difference is None, "no force acts after the disc has left the wall"
+    else:
+        # The column is solved to a tolerance of 1e-6.
+        least = 1e-6 if name == "sand_column" else 1e-9
+        assert difference < (max(1e-4, 0.01 * lost) if lost > 1e-9 else least)
     assert results.series("points")
 
 
