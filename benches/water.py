@@ -122,7 +122,7 @@ def lift():
             pores = "drainage: dry" if drainage == "dry" else "porosity: 0.4"
             deck = f"""
 version: 1
-grid: {{type: structured, origin: [0, 0], size: [3, 2], spacing: 0.25}}
+grid: {{type: structured, origin: [0, -0.5], size: [3, 2.5], spacing: 0.25}}
 materials:
   stone: {{model: neo-hookean, young: 1e6, poisson: 0.2, density: 1600, {pores}}}
 bodies:

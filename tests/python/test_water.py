@@ -79,7 +79,7 @@ def test_ground_at_rest_is_exact_with_a_level_anywhere(mpm, tmp_path, idealisati
 
 
 BLOCK = """version: 1
-grid: {{type: structured, origin: [0, 0], size: [3, 2], spacing: 0.25}}
+grid: {{type: structured, origin: [0, -0.5], size: [3, 2.5], spacing: 0.25}}
 materials:
   stone: {{model: neo-hookean, young: 1e6, poisson: 0.2, density: 1600, {pores}}}
 bodies:
