@@ -34,6 +34,10 @@ impl GridDeck {
         if refine.is_empty() || refine.iter().any(|place| place.to.is_nan() || place.to <= 0.0) {
             return;
         }
+        // Other checks report these.
+        if [origin.len(), size.len(), spacing.entries(dimensions).len()] != [dimensions; 3] {
+            return;
+        }
         let stated = Unrefined { spacing: spacing.clone(), places: std::mem::take(refine) };
         let refined = |(axis, entry): (usize, AxisSpacing)| match entry {
             AxisSpacing::Even(side) => {
