@@ -146,7 +146,10 @@ fn messages_are_written_as_json() {
     });
     assert_eq!(*found, expected);
     for (deck, expected) in [
-        ("unknown_key.yaml", "one of the keys `model`, `young`, `poisson` or `density`"),
+        (
+            "unknown_key.yaml",
+            "one of the keys `model`, `young`, `poisson`, `density`, `porosity`, `drainage` or `undrained_poisson`",
+        ),
         ("missing_keys.yaml", "the key `version`"),
         ("wrong_types.yaml", "a number"),
         (
