@@ -3,7 +3,6 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::deck::quoting::list;
 use crate::deck::schema::deck_schema;
 use crate::program::commands::guides::with_commands;
 use crate::program::screen::print::{json_text, print};
@@ -105,10 +104,8 @@ impl Example {
 pub fn new(args: &NewArgs) -> anyhow::Result<u8> {
     let Some(name) = &args.name else { return print(&listing()) };
     let Some(example) = EXAMPLES.iter().find(|example| example.name == name) else {
-        bail!(
-            "there is no example `{name}`; the examples are {}",
-            list(EXAMPLES.iter().map(|example| example.name))
-        );
+        let all: Vec<String> = EXAMPLES.iter().map(|example| format!("`{}`", example.name)).collect();
+        bail!("there is no example `{name}`; the examples are {}", all.join(", "));
     };
     let deck = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("{name}.yaml")));
     let folder = deck.parent().map(Path::to_owned).unwrap_or_default();
