@@ -191,6 +191,7 @@ pub const CODES: &[(&str, &str)] = &[
     ("D096", "a body that water lifts and no gravity pulls down"),
     ("D097", "water at a level in motion with inertia"),
     ("D098", "water that changes where load factors are unknown"),
+    ("D099", "water that counts twice, is lost, or acts where points do not resolve it"),
 ];
 
 impl Diagnostic {

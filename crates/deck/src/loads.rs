@@ -153,6 +153,11 @@ impl LoadDeck {
         self.keys().acceleration()
     }
 
+    /// True for the pressure of a liquid at rest.
+    pub(crate) fn is_hydrostatic(&self) -> bool {
+        self.keys().magnitude().0 == "hydrostatic"
+    }
+
     /// The expressions that may be formulas, with their keys relative to the load.
     pub(crate) fn expressions(&self) -> Vec<(String, &Expression)> {
         let intermediate = self.keys().intermediate().into_iter().flatten();

@@ -82,7 +82,7 @@ pub fn find(
     let is_complete = machines.ranks().first(Some(status::is_complete(directory)));
     if is_end(&loaded.deck, end) && is_complete == Some(true) {
         let reached = &checkpoint.head.reached;
-        close(directory, analysis, Some(reached), machines.ranks())?;
+        close(directory, analysis, &loaded.deck.request(), Some(reached), machines.ranks())?;
         return Ok(Found::End(reached.summary.steps));
     }
     let staged = match analysis {
@@ -123,24 +123,23 @@ fn complete_without_checkpoint(
     let Some(steps) = ranks.first(steps) else {
         bail!("there is no checkpoint in `{}` to resume from\n  help: {AGAIN}", directory.display())
     };
-    close(directory, analysis, None, ranks)?;
+    close(directory, analysis, &loaded.deck.request(), None, ranks)?;
     Ok(Found::End(steps))
 }
 
-/// Checks the tables of a complete run, up to `reached` if it is given, and removes the remains of a run killed after
+/// Checks the tables of a complete run with the columns of what was `asked`, up to `reached` if it is given, and removes the remains of a run killed after
 /// it had written its summary. All ranks must call it together.
 fn close(
     directory: &Path,
     analysis: &Analysis,
+    asked: &Request,
     reached: Option<&Reached>,
     ranks: &Ranks,
 ) -> anyhow::Result<()> {
-    // Analyses from decks have no further forces and fields.
-    let asked = Request::default();
     let checked = match analysis {
         _ if !ranks.is_root() => Ok(()),
-        Analysis::Plane(parts) => Results::check_tables(directory, &parts.0, &asked, reached),
-        Analysis::Solid(parts) => Results::check_tables(directory, &parts.0, &asked, reached),
+        Analysis::Plane(parts) => Results::check_tables(directory, &parts.0, asked, reached),
+        Analysis::Solid(parts) => Results::check_tables(directory, &parts.0, asked, reached),
     };
     if let Some(reason) = ranks.first(checked.err().map(|error| error.to_string())) {
         bail!("{}", unusable(ErrorKind::InvalidData, &reason));

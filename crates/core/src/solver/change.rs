@@ -88,9 +88,10 @@ fn strain_of_stress<const D: usize>(
     points: &Points<D>,
     p: usize,
 ) -> Result<Option<Sym3>, MaterialError> {
-    let history = &points.converged.history[p * points.history_len..][..laws[1].state_fields().len()];
+    let all = &points.converged.history[p * points.history_len..];
+    let history = &all[..laws[1].state_fields().len()];
     let stress = &points.converged.kirchhoff_stress[p];
-    match laws.map(|law| law.elastic_strain(stress, history)) {
+    match laws.map(|law| law.elastic_strain(stress, &all[..law.state_fields().len()])) {
         [before, Ok(now)] => Ok(Some(now).filter(|now| before != Ok(*now))),
         [_, Err(error)] => {
             // A law without an inverse can go on if its elasticity is unchanged. This is judged by its stress at a

@@ -25,6 +25,68 @@ impl Check<'_> {
             self.water_of_unknown_factors();
         }
         self.pores_in_stages();
+        self.water_twice_or_lost();
+    }
+
+    /// Warns of water that counts twice, is lost, or acts at a place that the points do not resolve.
+    fn water_twice_or_lost(&mut self) {
+        let deck = self.deck;
+        let is_undrained =
+            |name: &str| deck.materials.get(name).is_some_and(|m| m.drainage() == Some(Drainage::Undrained));
+        let hydrostatic = deck.loads.iter().enumerate().filter(|(_, load)| load.is_hydrostatic());
+        for (number, load) in hydrostatic.filter(|_| deck.has_level()) {
+            let message = format!(
+                "the hydrostatic load {} adds to the water of the level, which acts on all surfaces by itself",
+                quote(load.name())
+            );
+            self.warn(
+                "D099",
+                &format!("/loads/{number}"),
+                message,
+                "remove the load, unless it is of another liquid",
+            );
+        }
+        for (pointer, level) in deck.levels() {
+            let LevelDeck::Line(points) = level else { continue };
+            let steep = |pair: &[[f64; 2]]| (pair[1][1] - pair[0][1]).abs() > pair[1][0] - pair[0][0];
+            if let Some(number) = points.windows(2).position(steep) {
+                let message = "the level rises by more than 1 in 1 here, and each point sees the level above its centre \
+                               only: the horizontal force of the water is exact only if this part spans many points"
+                    .to_owned();
+                let help = "let the level rise over several cells";
+                self.warn("D099", &format!("{pointer}/{}", number + 1), message, help);
+            }
+        }
+        for (number, stage) in deck.stages.iter().enumerate() {
+            let has_undrained = deck.bodies.iter().any(|body| is_undrained(&body.material))
+                || deck.stages[..=number]
+                    .iter()
+                    .flat_map(|s| s.material.values())
+                    .any(|name| is_undrained(name));
+            if stage.water.is_some() && has_undrained {
+                let message = "the level changes while bodies are undrained: where it falls, the weight of the water that \
+                               their pores keep is lost, and where it rises, it is added"
+                    .to_owned();
+                let help = "give bodies that keep their water a saturated density and a level below them, or change the \
+                            level while they are drained";
+                self.warn("D099", &format!("/stages/{number}/water"), message, help);
+            }
+            for (body, _) in stage.material.iter().filter(|(_, material)| is_undrained(material)) {
+                let before =
+                    deck.stages[..number].iter().rev().find_map(|earlier| earlier.material.get(body));
+                let first = deck.bodies.iter().find(|other| other.name == *body).map(|other| &other.material);
+                if before.or(first).is_some_and(|before| is_undrained(before)) {
+                    let message = format!(
+                        "the body {} loses its excess pore pressure over this stage, although it stays undrained: a new \
+                         material begins without it",
+                        quote(body)
+                    );
+                    let help = "keep the material of the body, or let it drain";
+                    let at = format!("/stages/{number}/material/{}", escape(body));
+                    self.warn("D099", &at, message, help);
+                }
+            }
+        }
     }
 
     /// Checks that the water states what belongs together.
@@ -90,7 +152,7 @@ impl Check<'_> {
                         points[turn + 1][0],
                         points[turn][0]
                     );
-                    let help = "sort the points, and replace a vertical step by a short slope";
+                    let help = "sort the points, and replace a vertical step by a slope over several cells";
                     self.error("D091", &format!("{pointer}/{}", turn + 1), message, help);
                 }
             }
