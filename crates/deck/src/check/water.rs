@@ -63,7 +63,11 @@ impl Check<'_> {
                     .iter()
                     .flat_map(|s| s.material.values())
                     .any(|name| is_undrained(name));
-            if stage.water.is_some() && has_undrained {
+            let levels = deck.stages[..number].iter().filter_map(|earlier| earlier.water.as_ref());
+            let first = deck.water.as_ref().and_then(|water| water.level.as_ref());
+            let before = levels.map(|water| &water.level).next_back().or(first);
+            let has_changed = stage.water.as_ref().is_some_and(|water| before != Some(&water.level));
+            if has_changed && has_undrained {
                 let message = "the level changes while bodies are undrained: where it falls, the weight of the water that \
                                their pores keep is lost, and where it rises, it is added"
                     .to_owned();
