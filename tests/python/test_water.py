@@ -193,3 +193,10 @@ def test_restarts_and_threads_keep_every_bit(mpm, tmp_path):
     resumed = mpm("run", tmp_path / "whole" / "deck.yaml", "--out", whole.directory, "--resume")
     assert resumed.returncode == 0, resumed.stderr
     assert (whole.directory / last).read_bytes() == wanted
+
+
+def test_a_complete_run_with_water_has_nothing_left_to_do(mpm, tmp_path):
+    """Its tables have the column of the force of the water."""
+    whole = run(mpm, tmp_path / "whole", ground("plane-strain", "gimp", 2.3))
+    again = mpm("run", tmp_path / "whole" / "deck.yaml", "--out", whole.directory, "--resume")
+    assert again.returncode == 0 and "nothing is left to do" in again.stdout + again.stderr, again.stderr
