@@ -20,9 +20,9 @@ pub struct InitialState {
     pub history: Vec<f64>,
 }
 
-/// The state of a point whose effective Kirchhoff stress is `tau`, [stress], without excess pore pressure: b^e from the inverse of the elastic law, and
-/// `history` adapted to it. A stress outside the yield surface is replaced by the stress to which the law returns it,
-/// without plastic strain.
+/// The state of a point whose effective Kirchhoff stress is `tau`, [stress], without excess pore pressure: b^e from the
+/// inverse of the elastic law, and `history` adapted to it. A stress outside the yield surface is replaced by the stress
+/// to which the law returns it, without plastic strain.
 ///
 /// # Errors
 /// The same as for [`Material::elastic_strain`] and [`Material::update`]; [`MaterialError::NoStrain`] if the returns do
